@@ -1,0 +1,1 @@
+"""The retargeting itself: types, rotations, mappings, solvers. Numpy at the bottom; heavy libraries only in leaf modules."""

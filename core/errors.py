@@ -1,0 +1,68 @@
+"""Every failure that a user can cause or meet, as one family.
+
+One base class, few children. Each takes facts and builds one line of text from them: what was found, where,
+what was expected, and the nearest valid choice. The command line maps class to exit code through `exit_code`.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class RetargetError(Exception):
+    """Base of all errors that are shown to a person as one line, without traceback.
+
+    `exit_code`: 1 when a clip's content is at fault, 2 when the command line or a configuration file is.
+    """
+
+    exit_code = 1
+
+
+class FormatError(RetargetError):
+    """A file whose content can't be read as what it claims to be."""
+
+    def __init__(self, path: object, problem: str, *, place: str = "", expected: str = "") -> None:
+        self.path, self.problem, self.place, self.expected = str(path), problem, place, expected
+        where = f"{self.path}, {place}" if place else self.path
+        super().__init__(f"{where}: {problem}" + (f"; expected {expected}" if expected else ""))
+
+
+class MotionError(RetargetError):
+    """Data that was read but can't be retargeted (gaps too long, nothing measured, empty cut)."""
+
+
+class SolverError(RetargetError):
+    """A solver that can't start (for example no posture satisfies the coupled-joint rows)."""
+
+
+class UsageError(RetargetError):
+    """A request that contradicts itself or the file system; nothing has been done yet."""
+
+    exit_code = 2
+
+
+class ProfileError(UsageError):
+    """A robot profile (TOML) or its model (URDF) that can't be used."""
+
+    def __init__(self, profile: object, problem: str, *, place: str = "", expected: str = "") -> None:
+        self.profile, self.problem, self.place = str(profile), problem, place
+        where = f"{self.profile}, {place}" if place else self.profile
+        super().__init__(f"{where}: {problem}" + (f"; expected {expected}" if expected else ""))
+
+
+class UnknownNameError(UsageError):
+    """A name that is none of the valid ones: says which are near it."""
+
+    def __init__(self, kind: str, name: str, choices: Iterable[str], *, where: str = "") -> None:
+        self.kind, self.name, self.choices = kind, name, sorted(choices)
+        near = nearest(name, self.choices)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(self.choices)}"
+        super().__init__((f"{where}: " if where else "") + f"unknown {kind} '{name}'; {hint}")
+
+
+def nearest(name: str, choices: Iterable[str], count: int = 3) -> list[str]:
+    """The valid names most like `name`, best first; empty when none is near."""
+    by_folded = {choice.casefold(): choice for choice in choices}
+    found = difflib.get_close_matches(name.casefold(), by_folded, n=count, cutoff=0.5)
+    return [by_folded[key] for key in found]

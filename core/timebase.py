@@ -1,0 +1,136 @@
+"""One time base for everything: cutting, resampling, filling short gaps, zero-lag smoothing.
+
+Times are seconds, strictly increasing. Quaternions are unit wxyz, continuous in sign. Nothing here shifts a signal in time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from retarget.core import rotations
+from retarget.core.errors import MotionError, UsageError
+from retarget.core.types import Array, HumanMotion
+
+
+def cut(motion: HumanMotion, start: float | None, end: float | None) -> HumanMotion:
+    """The frames with start ≤ time ≤ end (s, on the motion's own clock; None = open). The clock is kept.
+
+    Raises `MotionError` when no frame is left.
+    """
+    if start is not None and end is not None and end < start:
+        raise UsageError(f"end {end:g} s is before start {start:g} s")
+    t = motion.time
+    # Frame times carry rounding (index / rate): half a microsecond of slack keeps "--end 2" from losing the frame at 2 s.
+    keep = (t >= (-np.inf if start is None else start - 5e-7)) & (t <= (np.inf if end is None else end + 5e-7))
+    if not keep.any():
+        raise MotionError(f"no frame between {start} s and {end} s; the recording runs from {t[0]:g} s to {t[-1]:g} s")
+    return replace(
+        motion,
+        time=t[keep],
+        orientation=motion.orientation[keep],
+        position=motion.position[keep],
+        angular_velocity=None if motion.angular_velocity is None else motion.angular_velocity[keep],
+        foot_contacts=None if motion.foot_contacts is None else motion.foot_contacts[keep],
+    )
+
+
+def resample(motion: HumanMotion, rate_hz: float) -> HumanMotion:
+    """The motion at `rate_hz`, from its first frame on, never beyond its last.
+
+    Positions and angular velocities linearly, orientations along the shortest arc, contacts from the nearest frame.
+    Raises `UsageError` for a rate that is not positive and finite.
+    """
+    if not (np.isfinite(rate_hz) and rate_hz > 0):
+        raise UsageError(f"rate {rate_hz:g} Hz; expected a positive number")
+    t = motion.time
+    count = int(np.floor((t[-1] - t[0]) * rate_hz + 1e-6)) + 1
+    if count > 50_000_000:
+        raise UsageError(f"rate {rate_hz:g} Hz gives {count} frames; expected at most 50 million")
+    new = np.minimum(t[0] + np.arange(count) / rate_hz, t[-1])
+    if len(new) == len(t) and np.allclose(new, t, rtol=0, atol=1e-9):
+        return motion
+    if len(t) == 1:
+        return motion
+    right = np.clip(np.searchsorted(t, new, side="right"), 1, len(t) - 1)
+    left = right - 1
+    fraction = (new - t[left]) / (t[right] - t[left])
+    weight = fraction[:, None, None]
+    orientation = rotations.slerp(motion.orientation[left], motion.orientation[right], weight[..., 0])
+    omega = motion.angular_velocity
+    nearest = np.where(fraction < 0.5, left, right)
+    return replace(
+        motion,
+        time=new,
+        orientation=rotations.make_continuous(orientation),
+        position=(1 - weight) * motion.position[left] + weight * motion.position[right],
+        angular_velocity=None if omega is None else (1 - weight) * omega[left] + weight * omega[right],
+        foot_contacts=None if motion.foot_contacts is None else motion.foot_contacts[nearest],
+    )
+
+
+def fill_gaps(
+    time: ArrayLike, values: ArrayLike, *, longest_s: float, quaternions: bool = False
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Values (T, k) with their non-finite rows interpolated, and which rows (T,) were filled.
+
+    A row counts as missing when any of its k numbers is not finite. Vectors are interpolated linearly, quaternions (k = 4) along the
+    shortest arc; gaps at either end hold the nearest row. Raises `MotionError` for a gap longer than `longest_s` (from the
+    last good row before to the first good one after) and when no row is good.
+    """
+    t, x = np.asarray(time, float), np.array(values, float)
+    bad = ~np.isfinite(x).all(axis=1)
+    if not bad.any():
+        return x, bad
+    good = np.flatnonzero(~bad)
+    if not len(good):
+        raise MotionError("no frame holds finite values")
+    missing = np.flatnonzero(bad)
+    after = np.searchsorted(good, missing)
+    left, right = good[np.maximum(after - 1, 0)], good[np.minimum(after, len(good) - 1)]
+    # A gap at an end has a neighbour on one side only: it lasts from the clip's end to that neighbour.
+    start = np.where(after == 0, t[0], t[left])
+    stop = np.where(after == len(good), t[-1], t[right])
+    length = stop - start
+    if (length > longest_s).any():
+        worst = int(np.argmax(length))
+        raise MotionError(
+            f"values missing for {length[worst]:.3g} s from {start[worst]:.3f} s on; gaps up to {longest_s:g} s are interpolated"
+        )
+    span = t[right] - t[left]
+    fraction = np.where(span > 0, (t[missing] - t[left]) / np.where(span > 0, span, 1.0), 0.0)
+    if quaternions:
+        x[missing] = rotations.slerp(x[left], x[right], fraction)
+    else:
+        x[missing] = x[left] + fraction[:, None] * (x[right] - x[left])
+    return x, bad
+
+
+def minimum_jerk(fraction: ArrayLike) -> Array:
+    """10s³ − 15s⁴ + 6s⁵ of `fraction` clipped to [0, 1]: 0 → 1 with zero velocity and acceleration at both ends."""
+    s = np.clip(np.asarray(fraction, float), 0.0, 1.0)
+    return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
+
+
+def smooth(time: ArrayLike, values: ArrayLike, window_s: float) -> Array:
+    """Values (T, ...) averaged over ±`window_s` s with minimum-jerk flanks: symmetric, so without lag.
+
+    The ends are continued by point reflection, so that a straight line stays the same straight line. The weights are positive
+    and sum to one: a smoothed signal never leaves the range of the original away from the ends.
+    Rates are taken as uniform (the mean step of `time`).
+    """
+    t, x = np.asarray(time, float), np.asarray(values, float)
+    if len(t) < 3 or window_s <= 0:
+        return x.copy()
+    step = (t[-1] - t[0]) / (len(t) - 1)
+    half = min(int(round(window_s / step)), len(t) - 1)
+    if half < 1:
+        return x.copy()
+    kernel = 1.0 - minimum_jerk(np.abs(np.arange(-half, half + 1)) / (half + 1))
+    kernel /= kernel.sum()
+    flat = x.reshape(len(x), -1)
+    padded = np.concatenate([2 * flat[0] - flat[half:0:-1], flat, 2 * flat[-1] - flat[-2 : -half - 2 : -1]])
+    out = np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=1)
+    return np.asarray(out.reshape(x.shape))

@@ -1,0 +1,346 @@
+"""The types that pass between the rooms: frozen, read-only, checked once when made.
+
+SI units; world X forward, Y left, Z up, right-handed; quaternions unit, **wxyz**, continuous in sign along time.
+Arrays are float64 and C-contiguous, and can't be written to. T frames, S segments, n joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from retarget.core.errors import RetargetError
+from retarget.core.segments import SEGMENTS
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+TaskKind = Literal["orientation", "position", "axis"]
+
+
+class InvalidDataError(RetargetError):
+    """Data that breaks a promise of its type: says which field, its shape or value, and what was promised."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a motion came from. Holds no person's name and no path.
+
+    `rate_hz` is the recording's own rate; `sha256` that of the input bytes, as read (compressed if it was).
+    """
+
+    format: str
+    version: str = ""
+    rate_hz: float = 0.0
+    configuration: str = ""
+    sha256: str = ""
+    warnings: tuple[str, ...] = ()
+    interpolated_frames: int = 0
+    """Frames of which some value was missing or not finite and was interpolated."""
+
+
+@dataclass(frozen=True)
+class HumanMotion:
+    """A person's motion: orientations and positions of canonical segments over time.
+
+    Segment frames are the identity when the person stands in T-pose facing +X (the house's invariant).
+
+    time: (T,) s, strictly increasing.
+    segments: S canonical names.
+    orientation: (T, S, 4) world ← segment, unit wxyz, continuous in sign.
+    position: (T, S, 3) m, world, each segment's proximal joint; NaN throughout a segment = not tracked.
+    angular_velocity: (T, S, 3) rad/s in the world frame, or None.
+    foot_contacts: (T, 4) bool, columns `core.segments.FOOT_CONTACTS`, or None.
+    measured: (S,) bool; segments that were not measured must not be retargeted.
+    joint_offsets: segment → (3,) m, its proximal joint in the parent segment's frame, or empty when unknown.
+    """
+
+    time: Array
+    segments: tuple[str, ...]
+    orientation: Array
+    position: Array
+    angular_velocity: Array | None = None
+    foot_contacts: BoolArray | None = None
+    measured: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
+    joint_offsets: Mapping[str, Array] = field(default_factory=dict)
+    source: Source = field(default_factory=lambda: Source("memory"))
+
+    def __post_init__(self) -> None:
+        set_ = _Setter(self)
+        names = tuple(self.segments)
+        count = len(names)
+        set_.value("segments", names)
+        if unknown := [name for name in names if name not in SEGMENTS]:
+            raise InvalidDataError(f"HumanMotion.segments: unknown segment '{unknown[0]}'; expected canonical names")
+        if len(set(names)) != count or not count:
+            raise InvalidDataError("HumanMotion.segments: expected at least one name, each once")
+        time = set_.array("time", ("T",))
+        set_.array("orientation", (len(time), count, 4))
+        set_.array("position", (len(time), count, 3), finite=False)
+        set_.array("angular_velocity", (len(time), count, 3), optional=True)
+        if self.foot_contacts is not None:
+            set_.array("foot_contacts", (len(time), 4), dtype=np.bool_)
+        measured = self.measured if len(self.measured) else np.ones(count, bool)
+        set_.value("measured", measured)
+        set_.array("measured", (count,), dtype=np.bool_)
+        offsets = {name: _frozen_array(f"joint_offsets[{name}]", v, (3,)) for name, v in self.joint_offsets.items()}
+        set_.value("joint_offsets", MappingProxyType(offsets))
+        _check_time("HumanMotion", time)
+        _check_unit_quaternions("HumanMotion.orientation", self.orientation)
+        lost = np.isnan(self.position).any(axis=2)
+        if np.isinf(self.position).any() or (lost.any(axis=0) != lost.all(axis=0)).any():
+            raise InvalidDataError("HumanMotion.position: a segment is either finite in every frame or NaN in every frame")
+
+    @property
+    def frames(self) -> int:
+        """Number of frames, T."""
+        return len(self.time)
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean frame rate; the recording's own where there is a single frame."""
+        return _rate(self.time) or self.source.rate_hz
+
+    @property
+    def unmeasured_segments(self) -> tuple[str, ...]:
+        """Names of the segments whose values were not measured."""
+        return tuple(name for name, measured in zip(self.segments, self.measured, strict=True) if not measured)
+
+    def index(self, segment: str) -> int:
+        """Column of `segment`; raises `InvalidDataError` when the motion lacks it."""
+        if segment not in self.segments:
+            raise InvalidDataError(f"the motion has no segment '{segment}'; it has {', '.join(self.segments)}")
+        return self.segments.index(segment)
+
+    def has(self, segment: str) -> bool:
+        """Whether `segment` is present and measured."""
+        return segment in self.segments and bool(self.measured[self.segments.index(segment)])
+
+
+@dataclass(frozen=True)
+class Task:
+    """One desired quantity of one robot frame over time.
+
+    kind "orientation": value (T, 4) world ← frame, unit wxyz; feed_forward (T, 3) rad/s, world.
+    kind "position": value (T, 3) m, world, of the point `offset` (3,) m given in the frame; feed_forward (T, 3) m/s.
+    kind "axis": value (T, 3) unit, world, for the frame's own direction `axis` (3,); feed_forward (T, 3) rad/s, world.
+    weight: (T,) ≥ 0, or a scalar for all frames.
+    twist_weight: factor ≤ 1 on an orientation error's part about the frame's own direction `axis`: 1 = all three axes alike,
+    0 = only where `axis` points matters.
+    level: priority, 0 first; used by hierarchical solvers only.
+    segment: the human segment it follows, "" for none.
+    """
+
+    frame: str
+    kind: TaskKind
+    value: Array
+    feed_forward: Array | None = None
+    weight: Array = field(default_factory=lambda: np.ones(1))
+    twist_weight: float = 1.0
+    level: int = 0
+    segment: str = ""
+    offset: Array = field(default_factory=lambda: np.zeros(3))
+    axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+
+    def __post_init__(self) -> None:
+        set_ = _Setter(self)
+        if self.kind not in ("orientation", "position", "axis"):
+            raise InvalidDataError(f"Task.kind: found '{self.kind}', expected orientation, position or axis")
+        frames = len(set_.array("value", ("T", 4 if self.kind == "orientation" else 3)))
+        set_.array("feed_forward", (frames, 3), optional=True)
+        set_.value("weight", np.broadcast_to(np.asarray(self.weight, float), (frames,)).copy())
+        set_.array("weight", (frames,))
+        set_.array("offset", (3,))
+        set_.array("axis", (3,))
+        if (self.weight < 0).any() or not 0 <= self.twist_weight <= 1:
+            raise InvalidDataError(f"Task of {self.frame}: expected weight ≥ 0 and 0 ≤ twist_weight ≤ 1")
+        if abs(float(np.linalg.norm(self.axis)) - 1) > 1e-6:
+            raise InvalidDataError(f"Task.axis of {self.frame}: found {self.axis}, expected a unit vector")
+        if self.kind == "orientation":
+            _check_unit_quaternions(f"Task.value of {self.frame}", self.value)
+
+
+@dataclass(frozen=True)
+class Targets:
+    """What the robot's frames should do: the seam between mappings and solvers.
+
+    time: (T,) s. tasks: every task has T rows. mapping: the name of the mapping that made them.
+    """
+
+    time: Array
+    tasks: tuple[Task, ...]
+    mapping: str = ""
+
+    def __post_init__(self) -> None:
+        set_ = _Setter(self)
+        set_.value("tasks", tuple(self.tasks))
+        time = set_.array("time", ("T",))
+        _check_time("Targets", time)
+        for task in self.tasks:
+            if len(task.value) != len(time):
+                raise InvalidDataError(f"Targets: task of {task.frame} has {len(task.value)} frames, expected {len(time)}")
+
+
+FRAME_OK, FRAME_MARKED = 0, 1
+
+
+@dataclass(frozen=True)
+class JointTrajectory:
+    """A robot's motion.
+
+    time: (T,) s, strictly increasing. joint_names: n names, the robot's own order.
+    position: (T, n) rad (m for sliding joints). velocity: (T, n) rad/s.
+    base_position: (T, 3) m and base_orientation: (T, 4) wxyz, world ← base link, or both None for a fixed base at the origin.
+    base_linear_velocity, base_angular_velocity: (T, 3) m/s, rad/s, world frame, of the base link's origin; None = unknown.
+    status: (T,) int8, 0 = solved, 1 = marked (the solver failed there and the frame holds its last good value).
+    base_frame: the base link's name. robot: the profile's name. provenance: JSON-able facts of how it was made.
+    robot_description: URDF text with the limits that were held, or "".
+    """
+
+    time: Array
+    joint_names: tuple[str, ...]
+    position: Array
+    velocity: Array
+    base_position: Array | None = None
+    base_orientation: Array | None = None
+    base_linear_velocity: Array | None = None
+    base_angular_velocity: Array | None = None
+    status: NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, np.int8))
+    base_frame: str = "base_link"
+    robot: str = ""
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    robot_description: str = ""
+
+    def __post_init__(self) -> None:
+        set_ = _Setter(self)
+        set_.value("joint_names", tuple(self.joint_names))
+        count = len(self.joint_names)
+        if len(set(self.joint_names)) != count:
+            raise InvalidDataError("JointTrajectory.joint_names: a name stands twice")
+        frames = len(set_.array("time", ("T",)))
+        set_.array("position", (frames, count))
+        set_.array("velocity", (frames, count))
+        set_.array("base_position", (frames, 3), optional=True)
+        set_.array("base_orientation", (frames, 4), optional=True)
+        set_.array("base_linear_velocity", (frames, 3), optional=True)
+        set_.array("base_angular_velocity", (frames, 3), optional=True)
+        set_.value("status", self.status if len(self.status) else np.zeros(frames, np.int8))
+        set_.array("status", (frames,), dtype=np.int8)
+        if (self.base_position is None) != (self.base_orientation is None):
+            raise InvalidDataError("JointTrajectory: base_position and base_orientation go together")
+        if self.base_orientation is not None:
+            _check_unit_quaternions("JointTrajectory.base_orientation", self.base_orientation)
+        _check_time("JointTrajectory", self.time)
+        set_.value("provenance", MappingProxyType(dict(self.provenance)))
+
+    @property
+    def frames(self) -> int:
+        """Number of frames, T."""
+        return len(self.time)
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean frame rate, 0 for a single frame."""
+        return _rate(self.time)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One measured value against its limit. `passed` is None when the check could not be made, and `note` says why."""
+
+    name: str
+    value: float | None
+    unit: str
+    limit: float | None
+    passed: bool | None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class ValidationReport:
+    """What a replay or a robot check found: checks, and the series behind them."""
+
+    subject: str
+    checks: tuple[Check, ...]
+    series: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def passed(self) -> bool:
+        """Whether no check failed."""
+        return all(check.passed is not False for check in self.checks)
+
+
+class _Setter:
+    """Writes checked values into a frozen dataclass while it is being made."""
+
+    def __init__(self, owner: object) -> None:
+        self.owner = owner
+
+    def value(self, name: str, value: object) -> None:
+        object.__setattr__(self.owner, name, value)
+
+    def array(
+        self,
+        name: str,
+        shape: Sequence[int | str],
+        *,
+        optional: bool = False,
+        finite: bool = True,
+        dtype: type[np.generic] = np.float64,
+    ) -> Array:
+        """Replace field `name` by a read-only array of `shape`; a string in `shape` stands for any size ≥ 1."""
+        value = getattr(self.owner, name)
+        if value is None and optional:
+            return np.zeros(0)
+        array = _frozen_array(f"{type(self.owner).__name__}.{name}", value, shape, finite=finite, dtype=dtype)
+        self.value(name, array)
+        return array
+
+
+def _frozen_array(
+    name: str,
+    value: ArrayLike,
+    shape: Sequence[int | str],
+    *,
+    finite: bool = True,
+    dtype: type[np.generic] = np.float64,
+) -> Array:
+    array = np.ascontiguousarray(value, dtype)
+    fits = len(array.shape) == len(shape) and all(
+        size >= 1 if isinstance(want, str) else size == want for size, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join(str(size) for size in shape)
+        raise InvalidDataError(f"{name}: found shape {array.shape}, expected ({wanted}{',' if len(shape) == 1 else ''})")
+    if finite and not np.isfinite(array).all():
+        where = np.argwhere(~np.isfinite(array))[0]
+        raise InvalidDataError(f"{name}: found {array[tuple(where)]} at {tuple(int(i) for i in where)}, expected finite values")
+    if array.flags.writeable:
+        # The caller may still hold a writeable view of its own array: a copy is the only honest freeze for those.
+        array = array.copy() if array is value or array.base is not None else array
+        array.flags.writeable = False
+    return array
+
+
+def _check_time(owner: str, time: Array) -> None:
+    if (steps := np.diff(time) <= 0).any():
+        at = int(np.argmax(steps)) + 1
+        raise InvalidDataError(f"{owner}.time: frame {at} is at {time[at]:g} s, not after frame {at - 1} at {time[at - 1]:g} s")
+
+
+def _check_unit_quaternions(name: str, quaternion: Array) -> None:
+    off = np.abs(np.einsum("...i,...i->...", quaternion, quaternion) - 1.0)
+    if (off > 1e-6).any():
+        where = tuple(int(i) for i in np.unravel_index(int(np.argmax(off)), off.shape))
+        raise InvalidDataError(f"{name}: norm {np.sqrt(1 + off[where]):.6g} or its inverse at {where}, expected unit quaternions")
+    if len(quaternion) > 1 and (np.einsum("t...i,t...i->t...", quaternion[1:], quaternion[:-1]) < 0).any():
+        raise InvalidDataError(f"{name}: signs flip between frames, expected them continuous")
+
+
+def _rate(time: Array) -> float:
+    return float((len(time) - 1) / (time[-1] - time[0])) if len(time) > 1 else 0.0
