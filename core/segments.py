@@ -40,7 +40,12 @@ SEGMENTS: Final[tuple[str, ...]] = tuple(PARENT)
 LIMB_END: Final[dict[str, str]] = {
     f"{side}{bone}": f"{side}{end}"
     for side in ("Left", "Right")
-    for bone, end in (("UpperArm", "ForeArm"), ("ForeArm", "Hand"), ("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"))
+    for bone, end in (
+        ("UpperArm", "ForeArm"),
+        ("ForeArm", "Hand"),
+        ("UpperLeg", "LowerLeg"),
+        ("LowerLeg", "Foot"),
+    )
 }
 """Limb segment → the segment that starts where the limb's bone ends (a segment's origin is its proximal joint)."""
 

@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
 from retarget.core.errors import RetargetError
 from retarget.core.segments import SEGMENTS
 
@@ -76,7 +75,9 @@ class HumanMotion:
         count = len(names)
         set_.value("segments", names)
         if unknown := [name for name in names if name not in SEGMENTS]:
-            raise InvalidDataError(f"HumanMotion.segments: unknown segment '{unknown[0]}'; expected canonical names")
+            raise InvalidDataError(
+                f"HumanMotion.segments: unknown segment '{unknown[0]}'; expected canonical names"
+            )
         if len(set(names)) != count or not count:
             raise InvalidDataError("HumanMotion.segments: expected at least one name, each once")
         time = set_.array("time", ("T",))
@@ -88,13 +89,17 @@ class HumanMotion:
         measured = self.measured if len(self.measured) else np.ones(count, bool)
         set_.value("measured", measured)
         set_.array("measured", (count,), dtype=np.bool_)
-        offsets = {name: _frozen_array(f"joint_offsets[{name}]", v, (3,)) for name, v in self.joint_offsets.items()}
+        offsets = {
+            name: _frozen_array(f"joint_offsets[{name}]", v, (3,)) for name, v in self.joint_offsets.items()
+        }
         set_.value("joint_offsets", MappingProxyType(offsets))
         _check_time("HumanMotion", time)
         _check_unit_quaternions("HumanMotion.orientation", self.orientation)
         lost = np.isnan(self.position).any(axis=2)
         if np.isinf(self.position).any() or (lost.any(axis=0) != lost.all(axis=0)).any():
-            raise InvalidDataError("HumanMotion.position: a segment is either finite in every frame or NaN in every frame")
+            raise InvalidDataError(
+                "HumanMotion.position: a segment is either finite in every frame or NaN in every frame"
+            )
 
     @property
     def frames(self) -> int:
@@ -109,12 +114,16 @@ class HumanMotion:
     @property
     def unmeasured_segments(self) -> tuple[str, ...]:
         """Names of the segments whose values were not measured."""
-        return tuple(name for name, measured in zip(self.segments, self.measured, strict=True) if not measured)
+        return tuple(
+            name for name, measured in zip(self.segments, self.measured, strict=True) if not measured
+        )
 
     def index(self, segment: str) -> int:
         """Column of `segment`; raises `InvalidDataError` when the motion lacks it."""
         if segment not in self.segments:
-            raise InvalidDataError(f"the motion has no segment '{segment}'; it has {', '.join(self.segments)}")
+            raise InvalidDataError(
+                f"the motion has no segment '{segment}'; it has {', '.join(self.segments)}"
+            )
         return self.segments.index(segment)
 
     def has(self, segment: str) -> bool:
@@ -183,7 +192,9 @@ class Targets:
         _check_time("Targets", time)
         for task in self.tasks:
             if len(task.value) != len(time):
-                raise InvalidDataError(f"Targets: task of {task.frame} has {len(task.value)} frames, expected {len(time)}")
+                raise InvalidDataError(
+                    f"Targets: task of {task.frame} has {len(task.value)} frames, expected {len(time)}"
+                )
 
 
 FRAME_OK, FRAME_MARKED = 0, 1
@@ -312,14 +323,19 @@ def _frozen_array(
 ) -> Array:
     array = np.ascontiguousarray(value, dtype)
     fits = len(array.shape) == len(shape) and all(
-        size >= 1 if isinstance(want, str) else size == want for size, want in zip(array.shape, shape, strict=True)
+        size >= 1 if isinstance(want, str) else size == want
+        for size, want in zip(array.shape, shape, strict=True)
     )
     if not fits:
         wanted = ", ".join(str(size) for size in shape)
-        raise InvalidDataError(f"{name}: found shape {array.shape}, expected ({wanted}{',' if len(shape) == 1 else ''})")
+        raise InvalidDataError(
+            f"{name}: found shape {array.shape}, expected ({wanted}{',' if len(shape) == 1 else ''})"
+        )
     if finite and not np.isfinite(array).all():
         where = np.argwhere(~np.isfinite(array))[0]
-        raise InvalidDataError(f"{name}: found {array[tuple(where)]} at {tuple(int(i) for i in where)}, expected finite values")
+        raise InvalidDataError(
+            f"{name}: found {array[tuple(where)]} at {tuple(int(i) for i in where)}, expected finite values"
+        )
     if array.flags.writeable:
         # The caller may still hold a writeable view of its own array: a copy is the only honest freeze for those.
         array = array.copy() if array is value or array.base is not None else array
@@ -330,14 +346,18 @@ def _frozen_array(
 def _check_time(owner: str, time: Array) -> None:
     if (steps := np.diff(time) <= 0).any():
         at = int(np.argmax(steps)) + 1
-        raise InvalidDataError(f"{owner}.time: frame {at} is at {time[at]:g} s, not after frame {at - 1} at {time[at - 1]:g} s")
+        raise InvalidDataError(
+            f"{owner}.time: frame {at} is at {time[at]:g} s, not after frame {at - 1} at {time[at - 1]:g} s"
+        )
 
 
 def _check_unit_quaternions(name: str, quaternion: Array) -> None:
     off = np.abs(np.einsum("...i,...i->...", quaternion, quaternion) - 1.0)
     if (off > 1e-6).any():
         where = tuple(int(i) for i in np.unravel_index(int(np.argmax(off)), off.shape))
-        raise InvalidDataError(f"{name}: norm {np.sqrt(1 + off[where]):.6g} or its inverse at {where}, expected unit quaternions")
+        raise InvalidDataError(
+            f"{name}: norm {np.sqrt(1 + off[where]):.6g} or its inverse at {where}, expected unit quaternions"
+        )
     if len(quaternion) > 1 and (np.einsum("t...i,t...i->t...", quaternion[1:], quaternion[:-1]) < 0).any():
         raise InvalidDataError(f"{name}: signs flip between frames, expected them continuous")
 

@@ -1,0 +1,119 @@
+"""What a robot profile says: the parsed, checked content of one `robots/<name>.toml`.
+
+A profile names links and joints; it computes nothing. Whether these exist in the model is checked where the model is built
+(`core.robot_model`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ModelSource:
+    """Where the URDF comes from.
+
+    kind "package": `path` below the robots folder of the installed distribution `package`.
+    kind "file": `path` is absolute (resolved against the profile's own folder).
+    kind "human": built from the recording's own segments; `package` and `path` are empty.
+    """
+
+    kind: Literal["package", "file", "human"]
+    path: str = ""
+    package: str = ""
+
+
+@dataclass(frozen=True)
+class JointLimit:
+    """Overrides of the URDF's limits for one joint; None keeps what the URDF says. rad (or m) and rad/s (or m/s)."""
+
+    lower: float | None = None
+    upper: float | None = None
+    velocity: float | None = None
+
+
+@dataclass(frozen=True)
+class Hand:
+    """A hand link and two of its directions, both unit vectors in the link's frame: toward the fingertips, out of the palm."""
+
+    link: str
+    fingers: tuple[float, float, float]
+    palm: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Foot:
+    """A foot link and the corners of its sole, (K, 3) m in the link's frame; all lie on the ground when the foot is flat."""
+
+    link: str
+    sole: Array
+
+
+@dataclass(frozen=True)
+class CoupledJoints:
+    """Linear inequalities over several joints: lower ≤ matrix · q[joints] ≤ upper, rad. matrix (m, k), lower and upper (m,)."""
+
+    joints: tuple[str, ...]
+    matrix: Array
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True)
+class TposeException:
+    """A segment that can't reach the T-pose: the error that is left, in degrees, and the joint limit that forbids more."""
+
+    joint: str
+    error_deg: float
+
+
+@dataclass(frozen=True)
+class MappingParameters:
+    """One mapping's parameters for this robot.
+
+    weights: segment → weight of its orientation task; `twist_weights`: segment → factor on rotation about the limb's bone.
+    rotations_rpy: segment → fixed-axis roll, pitch, yaw (rad) of the link in the robot's T-pose, world ← link; where absent
+    it is computed by forward kinematics from the reference posture.
+    """
+
+    weights: Mapping[str, float] = field(default_factory=dict)
+    twist_weights: Mapping[str, float] = field(default_factory=dict)
+    rotations_rpy: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RobotProfile:
+    """One robot, as its TOML describes it.
+
+    base: "floating" (the base link moves) or "fixed" (it stands still at the origin, heading 0).
+    base_segment: the human segment whose heading is taken out of the targets when the base does not move.
+    base_rpy: fixed-axis roll, pitch, yaw (rad) of the base link when the robot stands upright and faces +X.
+    links: segment → link name. reference_posture: joint → rad, an approximate T-pose, absent joints at 0 clipped into limits.
+    limb_ends: limb segment → link whose origin ends the limb where no mapped link follows it.
+    """
+
+    name: str
+    description: str
+    model: ModelSource
+    base: Literal["floating", "fixed"]
+    links: Mapping[str, str]
+    origin: str = ""
+    base_segment: str = "Pelvis"
+    base_rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    reference_posture: Mapping[str, float] = field(default_factory=dict)
+    locked_joints: tuple[str, ...] = ()
+    limb_ends: Mapping[str, str] = field(default_factory=dict)
+    default_velocity_limit: float | None = None
+    joint_limits: Mapping[str, JointLimit] = field(default_factory=dict)
+    coupled: tuple[CoupledJoints, ...] = ()
+    hands: Mapping[str, Hand] = field(default_factory=dict)
+    feet: Mapping[str, Foot] = field(default_factory=dict)
+    tpose_exceptions: Mapping[str, TposeException] = field(default_factory=dict)
+    mappings: Mapping[str, MappingParameters] = field(default_factory=dict)
