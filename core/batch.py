@@ -74,9 +74,7 @@ def attempt(work: Callable[[Item], Result], index: int, item: Item) -> Outcome[R
         return Outcome(index, error=str(error), exit_code=error.exit_code, traceback=traceback.format_exc())
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        return Outcome(
-            index, error=f"{place}{error.strerror or error}", exit_code=1, traceback=traceback.format_exc()
-        )
+        return Outcome(index, error=f"{place}{error.strerror or error}", exit_code=1, traceback=traceback.format_exc())
     except Exception as error:
         text = f"{type(error).__name__}: {error}".strip().replace("\n", " ")
         return Outcome(index, error=text, exit_code=1, unexpected=True, traceback=traceback.format_exc())
@@ -125,9 +123,7 @@ def _outcome(index: int, future: Future[Outcome[Result]]) -> Outcome[Result]:
     try:
         return future.result()
     except BrokenExecutor:
-        return Outcome(
-            index, error="its worker process died (killed, or out of memory)", exit_code=1, unexpected=True
-        )
+        return Outcome(index, error="its worker process died (killed, or out of memory)", exit_code=1, unexpected=True)
 
 
 def _ignore_interrupts() -> None:

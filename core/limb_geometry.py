@@ -109,8 +109,7 @@ def _axes_between(model: Any, data: Any, profile: RobotProfile, above: str | Non
             expected="links that follow each other in the tree, outward",
         )  # fmt: skip
     return [
-        _Axis(i, np.array(data.oMi[i].translation), np.array(data.J[3:, model.joints[i].idx_v]))
-        for i in reversed(path)
+        _Axis(i, np.array(data.oMi[i].translation), np.array(data.J[3:, model.joints[i].idx_v])) for i in reversed(path)
     ]
 
 
@@ -166,11 +165,7 @@ def _flexion_axis(model: Any, reference: Array, hinge: list[_Axis], centres: lis
     bend = float(np.arctan2(np.cross(upper, lower) @ axis, upper @ lower))
     index = model.joints[hinge[0].joint].idx_q
     straight = float(reference[index]) - bend
-    return (
-        axis
-        if model.upperPositionLimit[index] - straight > straight - model.lowerPositionLimit[index]
-        else -axis
-    )
+    return axis if model.upperPositionLimit[index] - straight > straight - model.lowerPositionLimit[index] else -axis
 
 
 def _limb(segment: str, link: str, placement: Any, ends: list[Array], flexion: Array | None) -> Limb:

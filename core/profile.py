@@ -81,11 +81,13 @@ class MappingParameters:
     weights: segment → weight of its orientation task; `twist_weights`: segment → factor on rotation about the limb's bone.
     rotations_rpy: segment → fixed-axis roll, pitch, yaw (rad) of the link in the robot's T-pose, world ← link; where absent
     it is computed by forward kinematics from the reference posture.
+    links: segment → link, where this mapping drives another link than the profile's own map says.
     """
 
     weights: Mapping[str, float] = field(default_factory=dict)
     twist_weights: Mapping[str, float] = field(default_factory=dict)
     rotations_rpy: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    links: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -75,9 +75,7 @@ class RobotModel:
             return np.asarray(joints, float)
         orientation = self.base_rotation if base_orientation is None else np.asarray(base_orientation, float)
         position = np.zeros(3) if base_position is None else np.asarray(base_position, float)
-        return np.concatenate(
-            [position, np.roll(orientation, -1), joints]
-        )  # pinocchio: x y z, then quaternion xyzw
+        return np.concatenate([position, np.roll(orientation, -1), joints])  # pinocchio: x y z, then quaternion xyzw
 
     def link_in_joint(self, link: str) -> tuple[int, Array, Array]:
         """(index of the pinocchio joint that carries `link`, rotation (3, 3) and origin (3,) m of the link in that joint's frame)."""
@@ -97,9 +95,7 @@ def build(profile: RobotProfile, motion: HumanMotion | None = None) -> RobotMode
         from retarget.core.human_model import human_urdf
 
         if motion is None:
-            raise MotionError(
-                f"robot '{profile.name}' is built from a recording's segments; give a recording"
-            )
+            raise MotionError(f"robot '{profile.name}' is built from a recording's segments; give a recording")
         text = human_urdf(motion)
     else:
         text = find_urdf(profile).read_text(encoding="utf-8")
@@ -144,6 +140,8 @@ def _with_limbs(model: RobotModel) -> RobotModel:
 def _check_names(profile: RobotProfile, model: Any, joints: tuple[str, ...]) -> None:
     links = [str(frame.name) for frame in model.frames if str(frame.type) == "BODY"]
     wanted = [(link, f"[links] {segment}") for segment, link in profile.links.items()]
+    for mapping, parameters in profile.mappings.items():
+        wanted += [(link, f"[mapping.{mapping}.links] {segment}") for segment, link in parameters.links.items()]
     wanted += [(link, f"[limb_ends] {segment}") for segment, link in profile.limb_ends.items()]
     wanted += [(hand.link, f"[hands.{side}]") for side, hand in profile.hands.items()]
     wanted += [(foot.link, f"[feet.{side}]") for side, foot in profile.feet.items()]
@@ -161,6 +159,4 @@ def _check_names(profile: RobotProfile, model: Any, joints: tuple[str, ...]) -> 
 def _missing(profile: RobotProfile, kind: str, name: str, valid: list[str], place: str) -> ProfileError:
     near = nearest(name, valid)
     hint = f"did you mean {' or '.join(near)}?" if near else f"one of {', '.join(valid[:40])}"
-    return ProfileError(
-        profile.origin or profile.name, f"the model has no {kind} '{name}'", place=place, expected=hint
-    )
+    return ProfileError(profile.origin or profile.name, f"the model has no {kind} '{name}'", place=place, expected=hint)

@@ -43,9 +43,7 @@ def _package_folder(profile: RobotProfile) -> Path:
             expected=f"pip install {package}",
         ) from None  # fmt: skip
     for pattern in ROBOTS_FOLDERS:
-        folder = Path(
-            str(distribution.locate_file(pattern.format(package=package, module=package.replace("-", "_"))))
-        )
+        folder = Path(str(distribution.locate_file(pattern.format(package=package, module=package.replace("-", "_")))))
         if folder.is_dir():
             return folder
     raise ProfileError(
@@ -90,9 +88,7 @@ def prepared_urdf(profile: RobotProfile, text: str) -> str:
 def _unknown_joint(profile: RobotProfile, name: str, joints: list[str], place: str) -> ProfileError:
     near = nearest(name, joints)
     hint = f"did you mean {' or '.join(near)}?" if near else f"one of {', '.join(joints)}"
-    return ProfileError(
-        profile.origin or profile.name, f"the model has no joint '{name}'", place=place, expected=hint
-    )
+    return ProfileError(profile.origin or profile.name, f"the model has no joint '{name}'", place=place, expected=hint)
 
 
 def _fix(joint: ET.Element) -> None:
@@ -113,9 +109,7 @@ def _set_limit(profile: RobotProfile, joint: ET.Element) -> None:
         limit.set("upper", repr(CONTINUOUS_LIMIT_RAD))
     velocity = float(limit.get("velocity", "0"))
     if profile.default_velocity_limit is not None:
-        velocity = (
-            min(velocity, profile.default_velocity_limit) if velocity > 0 else profile.default_velocity_limit
-        )
+        velocity = min(velocity, profile.default_velocity_limit) if velocity > 0 else profile.default_velocity_limit
     override = JointLimit()
     for pattern, given in profile.joint_limits.items():
         if fnmatch(name, pattern):

@@ -23,13 +23,9 @@ def cut(motion: HumanMotion, start: float | None, end: float | None) -> HumanMot
         raise UsageError(f"end {end:g} s is before start {start:g} s")
     t = motion.time
     # Frame times carry rounding (index / rate): half a microsecond of slack keeps "--end 2" from losing the frame at 2 s.
-    keep = (t >= (-np.inf if start is None else start - 5e-7)) & (
-        t <= (np.inf if end is None else end + 5e-7)
-    )
+    keep = (t >= (-np.inf if start is None else start - 5e-7)) & (t <= (np.inf if end is None else end + 5e-7))
     if not keep.any():
-        raise MotionError(
-            f"no frame between {start} s and {end} s; the recording runs from {t[0]:g} s to {t[-1]:g} s"
-        )
+        raise MotionError(f"no frame between {start} s and {end} s; the recording runs from {t[0]:g} s to {t[-1]:g} s")
     return replace(
         motion,
         time=t[keep],

@@ -75,9 +75,7 @@ class HumanMotion:
         count = len(names)
         set_.value("segments", names)
         if unknown := [name for name in names if name not in SEGMENTS]:
-            raise InvalidDataError(
-                f"HumanMotion.segments: unknown segment '{unknown[0]}'; expected canonical names"
-            )
+            raise InvalidDataError(f"HumanMotion.segments: unknown segment '{unknown[0]}'; expected canonical names")
         if len(set(names)) != count or not count:
             raise InvalidDataError("HumanMotion.segments: expected at least one name, each once")
         time = set_.array("time", ("T",))
@@ -89,9 +87,7 @@ class HumanMotion:
         measured = self.measured if len(self.measured) else np.ones(count, bool)
         set_.value("measured", measured)
         set_.array("measured", (count,), dtype=np.bool_)
-        offsets = {
-            name: _frozen_array(f"joint_offsets[{name}]", v, (3,)) for name, v in self.joint_offsets.items()
-        }
+        offsets = {name: _frozen_array(f"joint_offsets[{name}]", v, (3,)) for name, v in self.joint_offsets.items()}
         set_.value("joint_offsets", MappingProxyType(offsets))
         _check_time("HumanMotion", time)
         _check_unit_quaternions("HumanMotion.orientation", self.orientation)
@@ -114,16 +110,12 @@ class HumanMotion:
     @property
     def unmeasured_segments(self) -> tuple[str, ...]:
         """Names of the segments whose values were not measured."""
-        return tuple(
-            name for name, measured in zip(self.segments, self.measured, strict=True) if not measured
-        )
+        return tuple(name for name, measured in zip(self.segments, self.measured, strict=True) if not measured)
 
     def index(self, segment: str) -> int:
         """Column of `segment`; raises `InvalidDataError` when the motion lacks it."""
         if segment not in self.segments:
-            raise InvalidDataError(
-                f"the motion has no segment '{segment}'; it has {', '.join(self.segments)}"
-            )
+            raise InvalidDataError(f"the motion has no segment '{segment}'; it has {', '.join(self.segments)}")
         return self.segments.index(segment)
 
     def has(self, segment: str) -> bool:
@@ -323,8 +315,7 @@ def _frozen_array(
 ) -> Array:
     array = np.ascontiguousarray(value, dtype)
     fits = len(array.shape) == len(shape) and all(
-        size >= 1 if isinstance(want, str) else size == want
-        for size, want in zip(array.shape, shape, strict=True)
+        size >= 1 if isinstance(want, str) else size == want for size, want in zip(array.shape, shape, strict=True)
     )
     if not fits:
         wanted = ", ".join(str(size) for size in shape)

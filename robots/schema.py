@@ -244,7 +244,7 @@ def _mappings(table: _Reader) -> dict[str, MappingParameters]:
     found = {}
     for name in table.table_:
         entry = table.table(name)
-        entry.only(["weights", "twist_weights", "rotations_rpy_rad"])
+        entry.only(["weights", "twist_weights", "rotations_rpy_rad", "links"])
         weights, twist, rpy = (entry.table(k) for k in ("weights", "twist_weights", "rotations_rpy_rad"))
         for part in (weights, twist, rpy):
             part.only(SEGMENTS)
@@ -252,6 +252,7 @@ def _mappings(table: _Reader) -> dict[str, MappingParameters]:
             weights={k: _not_negative(weights, k) for k in weights.table_},
             twist_weights={k: _not_negative(twist, k) for k in twist.table_},
             rotations_rpy={k: _triple(rpy.numbers(k, 3)) for k in rpy.table_},
+            links=_texts(entry.table("links"), SEGMENTS),
         )
     return found
 

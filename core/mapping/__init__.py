@@ -27,9 +27,7 @@ class Mapping:
 
 def names() -> list[str]:
     """Names of all mappings, sorted. Imports none of them."""
-    local = [
-        m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_") and m.name not in SHARED
-    ]
+    local = [m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_") and m.name not in SHARED]
     return sorted({*local, *(point.name for point in entry_points(group="retarget.mappings"))})
 
 

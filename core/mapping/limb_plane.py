@@ -42,9 +42,7 @@ def targets(motion: HumanMotion, model: RobotModel) -> Targets:
     constants = from_geometry(model)
     parameters = model.profile.mappings.get("limb_plane", MappingParameters())
     orientation = {s: motion.orientation[:, motion.index(s)] for s in model.links if motion.has(s)}
-    for upper, lower in (
-        (f"{side}{u}", f"{side}{w}") for side in ("Left", "Right") for u, w in LIMBS.items()
-    ):
+    for upper, lower in ((f"{side}{u}", f"{side}{w}") for side in ("Left", "Right") for u, w in LIMBS.items()):
         if upper in orientation and lower in orientation:
             orientation[upper], orientation[lower] = limb_orientations(motion, upper, lower)
     tasks = []
@@ -58,9 +56,7 @@ def targets(motion: HumanMotion, model: RobotModel) -> Targets:
                 value=rotations.multiply(value, rotations.from_matrix(constants[segment])),
                 feed_forward=rotations.angular_velocity(motion.time, value),
                 weight=parameters.weights.get(segment, WEIGHTS.get(part, 0.3)),
-                twist_weight=1.0
-                if limb is None
-                else parameters.twist_weights.get(segment, TWIST_WEIGHTS[part]),
+                twist_weight=1.0 if limb is None else parameters.twist_weights.get(segment, TWIST_WEIGHTS[part]),
                 axis=np.array([1.0, 0.0, 0.0]) if limb is None else limb.bone,
                 segment=segment,
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from retarget.core import rotations
 from retarget.core.mapping import Mapping
 from retarget.core.mapping.link_rotations import as_in_paper
+from retarget.core.profile import MappingParameters
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import HumanMotion, Targets, Task
 
@@ -15,9 +16,9 @@ def targets(motion: HumanMotion, model: RobotModel) -> Targets:
     The feed-forward ω* is the recording's own angular velocity, or the difference of its orientations where it has none.
     """
     constants = as_in_paper(model)
-    parameters = model.profile.mappings.get("link_orientation")
+    parameters = model.profile.mappings.get("link_orientation", MappingParameters())
     tasks = []
-    for segment, link in model.links.items():
+    for segment, link in {**model.links, **parameters.links}.items():
         if not motion.has(segment):
             continue
         index = motion.index(segment)
@@ -28,10 +29,8 @@ def targets(motion: HumanMotion, model: RobotModel) -> Targets:
                 frame=link,
                 kind="orientation",
                 value=rotations.multiply(orientation, rotations.from_matrix(constants[segment])),
-                feed_forward=rotations.angular_velocity(motion.time, orientation)
-                if omega is None
-                else omega[:, index],
-                weight=(parameters.weights if parameters else {}).get(segment, 1.0),
+                feed_forward=rotations.angular_velocity(motion.time, orientation) if omega is None else omega[:, index],
+                weight=parameters.weights.get(segment, 1.0),
                 segment=segment,
             )
         )

@@ -11,23 +11,23 @@ from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array
 
 
-def from_reference_posture(model: RobotModel) -> dict[str, Array]:
-    """Segment → (3, 3), by forward kinematics of the profile's reference posture, an approximate T-pose: the paper's way."""
+def from_reference_posture(model: RobotModel, links: Mapping[str, str] | None = None) -> dict[str, Array]:
+    """Segment → (3, 3) of `links` (the profile's own map when None), by forward kinematics of the profile's reference posture, an approximate T-pose: the paper's way."""
     import pinocchio as pin
 
     data = model.pin_model.createData()
     pin.framesForwardKinematics(model.pin_model, data, model.configuration(model.reference_posture))
     return {
         segment: np.array(data.oMf[model.pin_model.getFrameId(link)].rotation)
-        for segment, link in model.links.items()
+        for segment, link in (links or model.links).items()
     }
 
 
 def as_in_paper(model: RobotModel) -> dict[str, Array]:
     """Segment → (3, 3): what the profile types in for `link_orientation`, else from the reference posture."""
-    found = from_reference_posture(model)
-    parameters = model.profile.mappings.get("link_orientation")
-    for segment, rpy in (parameters.rotations_rpy if parameters else {}).items():
+    parameters = model.profile.mappings.get("link_orientation", MappingParameters())
+    found = from_reference_posture(model, {**model.links, **parameters.links})
+    for segment, rpy in parameters.rotations_rpy.items():
         if segment in found:
             found[segment] = rotations.to_matrix(rotations.from_rpy(rpy))
     return found

@@ -26,9 +26,7 @@ class BoxQp:
         self._no_rows = np.zeros((0, size))
         self.fallbacks = 0
 
-    def solve(
-        self, hessian: Array, gradient: Array, lower: Array, upper: Array, start: Array | None = None
-    ) -> Array:
+    def solve(self, hessian: Array, gradient: Array, lower: Array, upper: Array, start: Array | None = None) -> Array:
         """x (size,) with lower ≤ x ≤ upper. H symmetric positive definite, all input finite. Raises `SolverError` if both solvers fail."""
         x = np.clip(np.zeros(len(gradient)) if start is None else start, lower, upper)
         # Equal bounds make mju_boxQP raise; a width of 1e-12 rad does no harm.

@@ -60,9 +60,7 @@ class Solution:
     fallbacks: int
 
 
-def solve(
-    problem: OrientationProblem, options: DynamicalOptions, progress: Progress | None = None
-) -> Solution:
+def solve(problem: OrientationProblem, options: DynamicalOptions, progress: Progress | None = None) -> Solution:
     """Joint motion that follows the problem's targets inside all limits.
 
     Frames on which the QP fails hold the last good posture and are marked in `status`. Raises `SolverError` only when nothing can start.
@@ -103,9 +101,7 @@ class _Solver:
         self.pin, self.model = pin, problem.model.pin_model
         self.data = self.model.createData()
         self.n, self.base_columns = len(problem.lower), problem.base_columns
-        self.first = (
-            self.model.nv - problem.columns
-        )  # columns of pinocchio's velocity that are not solved for
+        self.first = self.model.nv - problem.columns  # columns of pinocchio's velocity that are not solved for
         self.q = problem.model.configuration(problem.reference)
         pin.computeJointJacobians(self.model, self.data, self.q)
         # Views into pinocchio's own memory: fetching `oMi[i].rotation` anew costs 1 µs a link.
@@ -136,9 +132,7 @@ class _Solver:
         errors = rotation_errors(p.desired[k], current)
         bones = np.einsum("lij,lj->li", current, p.bone)
         desired = errors if gain is None else gain * errors + p.feed_forward[k]
-        hessian, gradient = gram(
-            self.data.J[3:, self.first :], p.moves, p.weight[k], desired, bones, p.twist_loss
-        )
+        hessian, gradient = gram(self.data.J[3:, self.first :], p.moves, p.weight[k], desired, bones, p.twist_loss)
         return hessian, gradient, errors, bones
 
     def converge(self, k: int, lower: Array, upper: Array, guess: Array | None = None) -> int:
@@ -228,9 +222,7 @@ class _Solver:
         value = matrix @ inside
         return inside if (value >= rows_lower).all() and (value <= rows_upper).all() else self.joints
 
-    def _step(
-        self, hessian: Array, gradient: Array, low: Array, high: Array, rows_scale: float = 1.0
-    ) -> Array:
+    def _step(self, hessian: Array, gradient: Array, low: Array, high: Array, rows_scale: float = 1.0) -> Array:
         step = self.qp.solve(hessian, gradient, low, high)
         if self.problem.coupled is None:
             return step

@@ -11,9 +11,7 @@ ROW_MARGIN_RAD = 1e-7
 """Coupled rows are solved this much inside, because the QP solver meets rows only to its own tolerance."""
 
 
-def reachable(
-    previous: Array, lower: Array, upper: Array, velocity: Array, step_s: float
-) -> tuple[Array, Array]:
+def reachable(previous: Array, lower: Array, upper: Array, velocity: Array, step_s: float) -> tuple[Array, Array]:
     """Joint values (n,) and (n,) that may follow `previous` after `step_s` seconds: inside the position limits, no faster than `velocity`.
 
     `previous` must itself be inside the position limits.
@@ -34,9 +32,7 @@ def damped_velocity_bounds(
     return low, high
 
 
-def nearest_feasible(
-    joints: Array, lower: Array, upper: Array, rows: tuple[Array, Array, Array] | None
-) -> Array:
+def nearest_feasible(joints: Array, lower: Array, upper: Array, rows: tuple[Array, Array, Array] | None) -> Array:
     """The joint values (n,) nearest to `joints` inside the limits and the coupled rows. Raises `SolverError` when there are none."""
     inside = np.clip(joints, lower, upper)
     if rows is None:
@@ -56,6 +52,4 @@ def nearest_feasible(
             rows_upper - ROW_MARGIN_RAD,
         )
     except SolverError:
-        raise SolverError(
-            "no posture satisfies the joint limits and the coupled-joint rows together"
-        ) from None
+        raise SolverError("no posture satisfies the joint limits and the coupled-joint rows together") from None

@@ -26,9 +26,7 @@ def rotation_errors(desired: Array, current: Array) -> Array:
         return _errors_near_half_turn(difference, sine_axis, sine, cosine)
     angle = np.arctan2(sine, cosine)
     return np.asarray(
-        sine_axis * (angle / np.maximum(sine, 1e-300))[:, None]
-        if sine.min() > 1e-9
-        else _small(sine_axis, sine, angle)
+        sine_axis * (angle / np.maximum(sine, 1e-300))[:, None] if sine.min() > 1e-9 else _small(sine_axis, sine, angle)
     )
 
 

@@ -73,9 +73,7 @@ def orientation_problem(targets: Targets, model: RobotModel, *, free_base: bool)
         model=model,
         time=targets.time,
         desired=stacked,
-        feed_forward=np.stack(
-            [zero if t.feed_forward is None else t.feed_forward for t in targets.tasks], axis=1
-        ),
+        feed_forward=np.stack([zero if t.feed_forward is None else t.feed_forward for t in targets.tasks], axis=1),
         weight=np.stack([task.weight for task in targets.tasks], axis=1),
         bone=np.array(bones),
         twist_loss=np.array([1.0 - task.twist_weight for task in targets.tasks]),
@@ -111,8 +109,6 @@ def _moves(model: RobotModel, joint_ids: list[int], base_columns: int) -> Array:
     moves[:, :base_columns] = 1.0
     for row, joint in enumerate(joint_ids):
         while joint > 0 and pin_model.joints[joint].nv == 1:
-            moves[row, base_columns + pin_model.joints[joint].idx_v - first] = float(
-                pin_model.joints[joint].nq == 1
-            )
+            moves[row, base_columns + pin_model.joints[joint].idx_v - first] = float(pin_model.joints[joint].nq == 1)
             joint = int(pin_model.parents[joint])
     return moves

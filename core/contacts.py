@@ -1,0 +1,60 @@
+"""When a person's heels and toes are on the ground: from the recording where it says so, else from height and speed."""
+
+from __future__ import annotations
+
+import numpy as np
+from retarget.core.types import Array, BoolArray, HumanMotion
+
+HEIGHT_M = 0.04
+"""A foot point this near to its lowest height may be on the ground …"""
+SPEED_M_S = 0.35
+"""… if it also moves no faster than this; a foot in swing passes its lowest point at well over 1 m/s."""
+SHORTEST_S = 0.05
+"""Contacts and gaps shorter than this are chatter."""
+
+
+def foot_contacts(motion: HumanMotion) -> BoolArray | None:
+    """(T, 4) bool, columns `core.segments.FOOT_CONTACTS`; None when the feet were not measured or not tracked."""
+    if not all(motion.has(f"{side}Foot") for side in ("Left", "Right")):
+        return None
+    if motion.foot_contacts is not None:
+        return motion.foot_contacts
+    return detect(motion)
+
+
+def detect(motion: HumanMotion) -> BoolArray | None:
+    """Contacts (T, 4) from the height and speed of the ankle (for the heel) and of the ball of the foot (for the toe).
+
+    Each point is judged against its own low height over the clip (2nd percentile), so the floor need not be z = 0 and no foot size is
+    assumed. None when positions were not tracked.
+    """
+    columns = []
+    for side in ("Left", "Right"):
+        for segment in (f"{side}Foot", f"{side}Toe" if motion.has(f"{side}Toe") else f"{side}Foot"):
+            point = motion.position[:, motion.index(segment)]
+            if np.isnan(point).any():
+                return None
+            columns.append(_debounced(_low_and_slow(motion.time, point), motion.rate_hz))
+    return np.stack(columns, axis=1)
+
+
+def _low_and_slow(time: Array, point: Array) -> BoolArray:
+    height = point[:, 2] - np.percentile(point[:, 2], 2)
+    if len(time) < 2:
+        return np.asarray(height < HEIGHT_M)
+    speed = np.linalg.norm(np.gradient(point, time, axis=0), axis=1)
+    return np.asarray((height < HEIGHT_M) & (speed < SPEED_M_S))
+
+
+def _debounced(contact: BoolArray, rate_hz: float) -> BoolArray:
+    """Runs shorter than SHORTEST_S take the value of what surrounds them; first gaps close, then blips go."""
+    shortest = max(1, round(SHORTEST_S * rate_hz))
+    out = contact.copy()
+    for value in (False, True):
+        edges = np.flatnonzero(np.diff(out.astype(np.int8)) != 0) + 1
+        bounds = np.concatenate([[0], edges, [len(out)]])
+        for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+            inside = start > 0 and stop < len(out)
+            if inside and stop - start < shortest and out[start] == value:
+                out[start:stop] = not value
+    return out

@@ -1,0 +1,158 @@
+"""What a retargeted clip is worth, measured on the written joint values by forward kinematics. Keys as in the command line's contract."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from retarget.core import rotations
+from retarget.core.kinematics import link_poses
+from retarget.core.mapping.limb_plane import bone_direction
+from retarget.core.robot_model import RobotModel
+from retarget.core.segments import LIMB_END
+from retarget.core.solve.base import sole_corners
+from retarget.core.types import Array, HumanMotion, JointTrajectory, Targets
+
+ROUNDING = 1e-9
+"""Limits are counted with no tolerance beyond floating-point rounding."""
+SOLE_ON_GROUND_M = 0.01
+"""A sole whose centre is lower than this counts as standing: its horizontal speed is skating."""
+
+
+def measure(
+    trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion, targets: Targets
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """(metrics, per-frame series behind them). `motion` and `targets` are what was retargeted, frame for frame.
+
+    All errors are degrees, over measured and mapped segments. Feet figures are None for robots without feet or with a fixed base.
+    """
+    series: dict[str, Array] = {}
+    limb = limb_direction_errors(trajectory, model, motion)
+    link = orientation_errors(trajectory, model, targets)
+    series |= {f"limb_direction_error_deg/{segment}": error for segment, error in limb.items()}
+    series |= {f"orientation_error_deg/{segment}": error for segment, error in link.items()}
+    skate, penetration, feet = foot_figures(trajectory, model)
+    series |= feet
+    limits, limit_series = limit_figures(trajectory, model)
+    series |= limit_series
+    metrics: dict[str, Any] = {
+        "limb_direction_error_deg": _summary(limb, "per_limb"),
+        "orientation_error_deg": _summary(link, "per_link"),
+        **limits,
+        "jerk_rms_rad_s3": jerk_rms(trajectory),
+        "foot_skate_m_s": skate,
+        "ground_penetration_mm": penetration,
+        "self_collision_fraction": None,
+        "marked_frames": int(np.count_nonzero(trajectory.status)),
+        "unmeasured_segments": list(motion.unmeasured_segments),
+    }
+    return metrics, series
+
+
+def limb_direction_errors(trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion) -> dict[str, Array]:
+    """Limb segment → angle (T,) in degrees between the person's and the robot's joint-centre lines, in the world (METHODS D)."""
+    limbs = [limb for segment, limb in model.limbs.items() if motion.has(segment)]
+    rotation, _ = link_poses(model, [limb.link for limb in limbs], trajectory.position, trajectory.base_orientation)
+    errors = {}
+    for i, limb in enumerate(limbs):
+        achieved = rotation[:, i] @ limb.bone
+        errors[limb.segment] = np.degrees(rotations.vector_angle(achieved, person_limb(motion, limb.segment)))
+    return errors
+
+
+def person_limb(motion: HumanMotion, segment: str) -> Array:
+    """Direction (T, 3), world, of the person's limb: between its joint centres where these are tracked, else along its bone axis."""
+    end = LIMB_END[segment]
+    if motion.has(end):
+        line = motion.position[:, motion.index(end)] - motion.position[:, motion.index(segment)]
+        if np.isfinite(line).all() and (np.linalg.norm(line, axis=1) > 1e-6).all():
+            return line
+    return bone_direction(motion, segment)
+
+
+def orientation_errors(trajectory: JointTrajectory, model: RobotModel, targets: Targets) -> dict[str, Array]:
+    """Segment (or frame, for tasks of none) → angle (T,) in degrees between the target and the achieved orientation of its link."""
+    tasks = [task for task in targets.tasks if task.kind == "orientation"]
+    rotation, _ = link_poses(model, [task.frame for task in tasks], trajectory.position, trajectory.base_orientation)
+    achieved = rotations.from_matrix(rotation)
+    return {t.segment or t.frame: np.degrees(rotations.angle(achieved[:, i], t.value)) for i, t in enumerate(tasks)}
+
+
+def limit_figures(trajectory: JointTrajectory, model: RobotModel) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Counts of joint values outside their limits, and how much of the motion is spent at limits."""
+    q = trajectory.position
+    outside = (q < model.lower - ROUNDING) | (q > model.upper + ROUNDING)
+    at_position = (q <= model.lower + 1e-6) | (q >= model.upper - 1e-6)
+    if trajectory.frames > 1:
+        speed = np.abs(np.diff(q, axis=0)) / np.diff(trajectory.time)[:, None]
+        ratio = speed / model.velocity_limit
+    else:
+        speed = ratio = np.zeros((1, q.shape[1]))
+    at_velocity = ratio >= 1.0 - 1e-4
+    figures = {
+        "position_limit_violations": int(outside.sum()),
+        "velocity_limit_violations": int((ratio > 1.0 + ROUNDING).sum()),
+        "max_velocity_ratio": float(ratio.max(initial=0.0)),
+        "limit_active_fraction": float(at_position.any(axis=1).mean()),
+        "velocity_limit_active_fraction": {
+            name: float(share)
+            for name, share in zip(trajectory.joint_names, at_velocity.mean(axis=0), strict=True)
+            if share > 0
+        },
+    }
+    return figures, {"max_velocity_ratio": ratio.max(axis=1, initial=0.0)}
+
+
+def jerk_rms(trajectory: JointTrajectory) -> float:
+    """Root mean square over joints and frames of the third difference of the joint values, rad/s³; 0 for fewer than four frames."""
+    if trajectory.frames < 4:
+        return 0.0
+    jerk = np.diff(trajectory.position, n=3, axis=0) * trajectory.rate_hz**3
+    return float(np.sqrt(np.mean(jerk**2)))
+
+
+def foot_figures(
+    trajectory: JointTrajectory, model: RobotModel
+) -> tuple[dict[str, float] | None, dict[str, float] | None, dict[str, Array]]:
+    """(skate in m/s, penetration in mm, series), floor at z = 0.
+
+    Skate: horizontal speed of a sole's centre while lower than 10 mm. Penetration: depth of the lowest corner below the floor.
+    """
+    if not model.profile.feet or trajectory.base_orientation is None or trajectory.base_position is None:
+        return None, None, {}
+    corners = sole_corners(model, trajectory.position, trajectory.base_orientation, trajectory.base_position)
+    series: dict[str, Array] = {}
+    speeds = []
+    depth = np.zeros(trajectory.frames)
+    for side, points in corners.items():
+        centre = points.mean(axis=1)
+        depth = np.maximum(depth, -1e3 * points[:, :, 2].min(axis=1))
+        series[f"foot_height_m/{side}"] = points[:, :, 2].min(axis=1)
+        if trajectory.frames < 2:
+            continue
+        speed = np.linalg.norm(np.diff(centre[:, :2], axis=0), axis=1) / np.diff(trajectory.time)
+        standing = (centre[1:, 2] < SOLE_ON_GROUND_M) & (centre[:-1, 2] < SOLE_ON_GROUND_M)
+        speeds.append(speed[standing])
+        series[f"foot_skate_m_s/{side}"] = np.concatenate([[0.0], np.where(standing, speed, 0.0)])
+    all_speeds = np.concatenate(speeds) if speeds else np.zeros(0)
+    skate = (
+        {"mean": float(all_speeds.mean()), "max": float(all_speeds.max())}
+        if len(all_speeds)
+        else {"mean": 0.0, "max": 0.0}
+    )
+    return skate, {"mean": float(depth.mean()), "max": float(depth.max())}, series
+
+
+def _summary(errors: Mapping[str, Array], key: str) -> dict[str, Any]:
+    """mean, p95 and max over everything and per name; NaN-free because the series are."""
+    if not errors:
+        return {"mean": None, "p95": None, "max": None, key: {}}
+    return {
+        **_figures(np.concatenate(list(errors.values()))),
+        key: {name: _figures(error) for name, error in errors.items()},
+    }
+
+
+def _figures(values: Array) -> dict[str, float]:
+    return {"mean": float(values.mean()), "p95": float(np.percentile(values, 95)), "max": float(values.max())}

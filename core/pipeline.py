@@ -1,0 +1,211 @@
+"""The one place that strings mapping, solver, base motion and measurement together. Commands and batches call `convert`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from retarget.core import rotations, timebase
+from retarget.core.errors import UnknownNameError, UsageError
+from retarget.core.types import Array, HumanMotion, JointTrajectory, Targets
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from retarget.core.robot_model import RobotModel
+    from retarget.core.solve.dynamical import Solution
+
+BASE_CHOICES = ("auto", "fixed", "human", "contact")
+KERNEL_CHOICES = ("auto", "numpy", "compiled")
+
+
+@dataclass(frozen=True)
+class ConvertOptions:
+    """How to convert. mapping: a name of `mapping_names()`. base: one of BASE_CHOICES, auto = by the robot.
+
+    online: the paper's one QP per frame instead of converged frames. rate_hz: output rate, None = the recording's.
+    start_s, end_s: the part of the recording, on its own clock. kernel: the compiled solver ([fast]) where it pays, or one of the two.
+    """
+
+    mapping: str = "limb_plane"
+    base: str = "auto"
+    online: bool = False
+    rate_hz: float | None = None
+    start_s: float | None = None
+    end_s: float | None = None
+    kernel: str = "auto"
+
+
+@dataclass(frozen=True)
+class ConvertResult:
+    """A converted clip. motion: what was retargeted (cut, resampled), frame for frame with the trajectory.
+
+    metrics: the "metrics" object of the command line's JSON. timings_s: stage → seconds.
+    """
+
+    trajectory: JointTrajectory
+    motion: HumanMotion
+    targets: Targets
+    metrics: dict[str, Any]
+    timings_s: dict[str, float]
+    model: RobotModel
+    measured_series: dict[str, Array] = field(default_factory=dict)
+
+    @cached_property
+    def series(self) -> dict[str, Any]:
+        """Per-frame series behind the metrics, and stick figures: {human,robot}_points (T, P, 3) m and {human,robot}_bones (B, 2)."""
+        from retarget.core.stick_figure import human_figure, robot_figure
+
+        robot_points, robot_bones = robot_figure(self.trajectory, self.model)
+        human_points, human_bones = human_figure(self.motion)
+        return {
+            **self.measured_series,
+            "robot_points": robot_points,
+            "robot_bones": robot_bones,
+            "human_points": human_points,
+            "human_bones": human_bones,
+        }
+
+
+def mapping_names() -> list[str]:
+    """Names that `ConvertOptions.mapping` accepts."""
+    from retarget.core import mapping
+
+    return mapping.names()
+
+
+def check_options(options: ConvertOptions) -> None:
+    """Raise `UsageError` or `UnknownNameError` for options that no motion could make right."""
+    for kind, value, choices in (
+        ("mapping", options.mapping, mapping_names()),
+        ("base motion", options.base, BASE_CHOICES),
+        ("kernel", options.kernel, KERNEL_CHOICES),
+    ):
+        if value not in choices:
+            raise UnknownNameError(kind, value, choices)
+    if options.rate_hz is not None and not 0 < options.rate_hz <= 10_000:
+        raise UsageError(f"rate {options.rate_hz:g} Hz; expected above 0 and at most 10000")
+    if options.start_s is not None and options.end_s is not None and options.end_s < options.start_s:
+        raise UsageError(f"end {options.end_s:g} s is before start {options.start_s:g} s")
+
+
+def convert(
+    motion: HumanMotion, model: RobotModel, options: ConvertOptions, progress: Callable[[int, int], None] | None = None
+) -> ConvertResult:
+    """Retarget `motion` to `model`. `progress` gets (frames done, frames in all) now and then.
+
+    Raises `UsageError` for options that contradict each other or the robot, `MotionError` for motions with nothing to retarget,
+    `SolverError` when the first frame can't be solved. Frames that fail later are marked in the trajectory's status and counted.
+    """
+    from retarget.core import mapping
+    from retarget.core.mapping.heading import without_heading
+    from retarget.core.metrics import measure
+    from retarget.core.solve import base as base_motion
+
+    check_options(options)
+    if options.base in ("human", "contact") and not model.base_is_floating:
+        raise UsageError(f"robot '{model.profile.name}' stands on a fixed base; expected --base fixed or auto")
+    if options.base == "contact" and not model.profile.feet:
+        raise UsageError(f"robot '{model.profile.name}' has no feet in its profile; expected --base fixed or human")
+    base = base_motion.default_mode(model) if options.base == "auto" else options.base
+    stages = _Stages()
+    with stages.timed("prepare"):
+        motion = timebase.cut(motion, options.start_s, options.end_s)
+        if options.rate_hz is not None:
+            motion = timebase.resample(motion, options.rate_hz)
+        if base == "fixed":
+            motion = without_heading(motion, model.profile.base_segment)
+    with stages.timed("map"):
+        targets = mapping.load(options.mapping).targets(motion, model)
+    with stages.timed("solve"):
+        solution = _solve(targets, model, options, base != "fixed", progress)
+    with stages.timed("base"):
+        trajectory = _trajectory(motion, model, options, base, solution)
+    with stages.timed("measure"):
+        metrics, series = measure(trajectory, model, motion, targets)
+    return ConvertResult(trajectory, motion, targets, metrics, stages.seconds, model, series)
+
+
+def _solve(
+    targets: Targets,
+    model: RobotModel,
+    options: ConvertOptions,
+    free_base: bool,
+    progress: Callable[[int, int], None] | None,
+) -> Solution:
+    from retarget.core.solve.dynamical import DynamicalOptions, solve
+    from retarget.core.solve.problem import orientation_problem
+
+    problem = orientation_problem(targets, model, free_base=free_base)
+    return solve(problem, DynamicalOptions(online=options.online), progress)
+
+
+def _trajectory(
+    motion: HumanMotion, model: RobotModel, options: ConvertOptions, base: str, solution: Solution
+) -> JointTrajectory:
+    from retarget.core.solve.base import base_position
+
+    orientation = position = linear = angular = None
+    if model.base_is_floating:
+        orientation = solution.base_orientation
+        if orientation is None:
+            orientation = np.tile(model.base_rotation, (motion.frames, 1))
+        position = base_position(base, model, motion, solution.joints, orientation)  # type: ignore[arg-type]  # checked above
+        linear = _rate_of_change(motion.time, position)
+        angular = rotations.angular_velocity(motion.time, orientation)
+    return JointTrajectory(
+        time=motion.time,
+        joint_names=model.joint_names,
+        position=solution.joints,
+        velocity=_rate_of_change(motion.time, solution.joints),
+        base_position=position,
+        base_orientation=orientation,
+        base_linear_velocity=linear,
+        base_angular_velocity=angular,
+        status=solution.status,
+        base_frame=model.base_link,
+        robot=model.profile.name,
+        provenance={
+            "input_sha256": motion.source.sha256,
+            "input_format": motion.source.format,
+            "retarget_version": retarget_version(),
+            "robot_model_sha256": model.sha256,
+            "options": {**asdict(options), "base": base},
+            "solver": {
+                "start": solution.start,
+                "qps": int(solution.iterations.sum()),
+                "qp_fallbacks": solution.fallbacks,
+            },
+        },
+        robot_description=model.urdf,
+    )
+
+
+def _rate_of_change(time_s: Array, values: Array) -> Array:
+    """Central differences (T, k) of `values` per second: never beyond the largest step's rate, so limits that hold on steps hold here."""
+    return np.gradient(values, time_s, axis=0) if len(time_s) > 1 else np.zeros_like(values)
+
+
+def retarget_version() -> str:
+    """Version of the installed package, "unknown" when it runs uninstalled."""
+    try:
+        return version("retarget")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+class _Stages:
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - begin

@@ -1,0 +1,151 @@
+"""Root motion: orientations alone do not move the base. Three ways to place it, once the joints are known.
+
+fixed: as on a stand. human: the pelvis' path scaled by leg length. contact: what is on the ground stays where it is, and the lowest corner
+of the soles is at ground height.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from retarget.core.contacts import foot_contacts
+from retarget.core.kinematics import link_poses
+from retarget.core.robot_model import RobotModel
+from retarget.core.segments import LIMB_END
+from retarget.core.timebase import smooth
+from retarget.core.types import Array, BoolArray, HumanMotion
+
+BaseMode = Literal["fixed", "human", "contact"]
+MODES: tuple[BaseMode, ...] = ("fixed", "human", "contact")
+HANDOVER_S = 0.06
+"""Half-width over which the ground contact is handed from one foot to the other."""
+
+
+def default_mode(model: RobotModel) -> BaseMode:
+    """contact for robots that stand on feet, human for other floating ones, fixed for fixed ones."""
+    if not model.base_is_floating:
+        return "fixed"
+    return "contact" if model.profile.feet else "human"
+
+
+def sole_corners(
+    model: RobotModel, joints: Array, base_orientation: Array, base_position: Array | None = None
+) -> dict[str, Array]:
+    """Side → (T, K, 3) m, world, corners of that foot's sole; relative to the base link's origin when no position is given."""
+    sides = list(model.profile.feet)
+    rotation, origin = link_poses(
+        model, [model.profile.feet[s].link for s in sides], joints, base_orientation, base_position
+    )
+    return {
+        side: origin[:, i, None] + model.profile.feet[side].sole @ rotation[:, i].transpose(0, 2, 1)
+        for i, side in enumerate(sides)
+    }
+
+
+def base_position(
+    mode: BaseMode, model: RobotModel, motion: HumanMotion, joints: Array, base_orientation: Array
+) -> Array:
+    """Position (T, 3) m of the base link's origin, world, floor at z = 0, first frame above the world's origin.
+
+    joints: (T, n) rad; base_orientation: (T, 4) wxyz; motion: the T frames that were retargeted.
+    """
+    corners = sole_corners(model, joints, base_orientation) if model.profile.feet else {}
+    if mode == "fixed" or not corners:
+        standing = np.zeros((motion.frames, 3))
+        if mode == "human":
+            standing = scaled_pelvis_path(model, motion)
+        lowest = min((float(c[0, :, 2].min()) for c in corners.values()), default=0.0)
+        standing[:, 2] -= lowest if mode == "fixed" else 0.0
+        return standing
+    if mode == "human":
+        path = scaled_pelvis_path(model, motion)
+        lowest = np.min([c[:, :, 2].min(axis=1) for c in corners.values()], axis=0) + path[:, 2]
+        # One constant for the whole clip: the path keeps its shape; feet may leave the ground or enter it a little.
+        path[:, 2] -= np.percentile(lowest, 25)
+        return path
+    return _contact_path(model, motion, corners)
+
+
+def scaled_pelvis_path(model: RobotModel, motion: HumanMotion) -> Array:
+    """The person's pelvis path (T, 3) m times robot leg length ÷ human leg length, from above the world's origin on; zero if untracked."""
+    if not motion.has("Pelvis"):
+        return np.zeros((motion.frames, 3))
+    path = motion.position[:, motion.index("Pelvis")]
+    if np.isnan(path).any():
+        return np.zeros((motion.frames, 3))
+    scaled: Array = leg_scale(model, motion) * (path - path[0])
+    return scaled
+
+
+def leg_scale(model: RobotModel, motion: HumanMotion) -> float:
+    """Robot leg length ÷ human leg length (thigh + shank), 1 where either is unknown."""
+    ratios = []
+    for side in ("Left", "Right"):
+        robot = human = 0.0
+        for segment in (f"{side}UpperLeg", f"{side}LowerLeg"):
+            end = LIMB_END[segment]
+            if segment not in model.limbs or not (motion.has(segment) and motion.has(end)):
+                break
+            limb = model.limbs[segment]
+            robot += float(np.linalg.norm(limb.distal - limb.proximal))
+            bone = motion.position[0, motion.index(end)] - motion.position[0, motion.index(segment)]
+            human += float(np.linalg.norm(bone))
+        else:
+            ratios.append(robot / human)
+    scale = float(np.mean(ratios)) if ratios else 1.0
+    return scale if np.isfinite(scale) and scale > 0 else 1.0
+
+
+def _contact_path(model: RobotModel, motion: HumanMotion, corners: dict[str, Array]) -> Array:
+    """Integrates the base so that the corners in contact stand still on average; height from the lowest corner, or the human's in flight."""
+    sides = list(corners)
+    points = np.concatenate([corners[side] for side in sides], axis=1)  # (T, K, 3), relative to the base
+    weight = _corner_weights(model, motion, sides)
+    flight = weight.sum(axis=1) < 1e-6
+    human = scaled_pelvis_path(model, motion)
+    shared = weight[1:] * weight[:-1]  # a corner counts for a step only if it is in contact at both its ends
+    total = shared.sum(axis=1)
+    held = total > 1e-9
+    moved = np.einsum("tk,tki->ti", shared, np.diff(points, axis=0)) / np.where(held, total, 1.0)[:, None]
+    step = np.where(held[:, None], -moved, np.diff(human, axis=0))
+    path = np.zeros((motion.frames, 3))
+    path[1:] = np.cumsum(step, axis=0)
+    path[:, 2] = _height(motion.time, -points[:, :, 2].min(axis=1), human[:, 2], flight)
+    return path
+
+
+def _height(time: Array, grounded: Array, human: Array, flight: BoolArray) -> Array:
+    """Base height (T,) m: on the lowest corner where something is on the ground, the person's rise above it in flight."""
+    if not flight.any():
+        return smooth(time, grounded, 2 / 3 * HANDOVER_S)
+    if flight.all():
+        return grounded
+    ground = np.flatnonzero(~flight)
+    frames = np.arange(len(time))
+    offset = np.interp(frames, ground, (grounded - human)[ground])
+    # In flight the feet may hang lower than the path says: never below the ground.
+    return np.where(flight, np.maximum(human + offset, grounded), grounded)
+
+
+def _corner_weights(model: RobotModel, motion: HumanMotion, sides: list[str]) -> Array:
+    """(T, K) weights 0…1 of all feet's corners: rear ones follow the heel's contact, front ones the toe's; soft at hand-over."""
+    contacts = foot_contacts(motion)
+    columns = []
+    for side in sides:
+        sole = model.profile.feet[side].sole
+        front = sole @ _forward_in_foot(model, side)
+        is_front = front > front.mean()
+        for corner in range(len(sole)):
+            if contacts is None:
+                columns.append(np.ones(motion.frames))
+                continue
+            heel, toe = (contacts[:, 2 * ("Left", "Right").index(side) + i] for i in (0, 1))
+            columns.append((toe if is_front[corner] else heel).astype(float))
+    weight = np.stack(columns, axis=1)
+    return weight if contacts is None else weight * smooth(motion.time, weight, HANDOVER_S).clip(0.0, 1.0)
+
+
+def _forward_in_foot(model: RobotModel, side: str) -> Array:
+    rotation, _ = link_poses(model, [model.profile.feet[side].link], model.reference_posture[None])
+    return np.asarray(rotation[0, 0].T @ np.array([1.0, 0.0, 0.0]))
