@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from retarget.core.types import Array, BoolArray, HumanMotion
 
@@ -53,7 +55,7 @@ def _debounced(contact: BoolArray, rate_hz: float) -> BoolArray:
     for value in (False, True):
         edges = np.flatnonzero(np.diff(out.astype(np.int8)) != 0) + 1
         bounds = np.concatenate([[0], edges, [len(out)]])
-        for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+        for start, stop in pairwise(bounds.tolist()):
             inside = start > 0 and stop < len(out)
             if inside and stop - start < shortest and out[start] == value:
                 out[start:stop] = not value

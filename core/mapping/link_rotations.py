@@ -5,8 +5,11 @@ With T-pose-aligned segments it is the link's world rotation while the robot its
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from retarget.core import rotations
+from retarget.core.profile import MappingParameters
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array
 
