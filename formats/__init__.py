@@ -1,1 +1,80 @@
-"""Placeholder docstring, written with the room."""
+"""File formats: recordings and trajectories, each format in one file of this folder.
+
+To add one, put `<name>.py` here with a `FORMAT` (see `base.py`), or publish an entry point of group `retarget.formats` that names such
+a `Format` or a module holding one. Nothing else needs to be told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from retarget.core.errors import FormatError, UsageError
+from retarget.core.types import HumanMotion, InvalidDataError, JointTrajectory
+from retarget.formats._describe import motion_facts, trajectory_facts
+from retarget.formats._input import Input, opened
+from retarget.formats._output import write_trajectory, write_trajectory_stream
+from retarget.formats._registry import available, detect, get, names
+from retarget.formats.base import Format
+
+__all__ = [
+    "Format",
+    "available",
+    "describe",
+    "detect",
+    "get",
+    "names",
+    "read_motion",
+    "read_trajectory",
+    "write_trajectory",
+    "write_trajectory_stream",
+]
+
+
+def read_motion(source: Input, name: str | None = None, format: str | None = None) -> HumanMotion:
+    """The recorded motion in `source`, a path or an open binary stream (a pipe, where the format can be piped).
+
+    name: what messages call it (default: the path). format: its name, when suffix and content don't tell.
+    Raises `UsageError` for a path that can't be opened and a file that holds no motion, `FormatError` for content that can't be read.
+    """
+    with opened(source, name, format) as (stream, shown, found):
+        if found.read_motion is None:
+            raise UsageError(
+                f"{shown}: {found.name} holds robot trajectories, not recorded motion; expected one of {_readers('motion')}"
+            )
+        try:
+            return found.read_motion(stream, shown)
+        except InvalidDataError as error:
+            raise FormatError(shown, str(error)) from error
+
+
+def read_trajectory(source: Input, name: str | None = None, format: str | None = None) -> JointTrajectory:
+    """The robot trajectory in `source`; arguments and errors as those of `read_motion`."""
+    with opened(source, name, format) as (stream, shown, found):
+        if found.read_trajectory is None:
+            raise UsageError(
+                f"{shown}: {found.name} holds recorded motion, not a robot trajectory; expected one of {_readers('trajectory')}"
+            )
+        try:
+            return found.read_trajectory(stream, shown)
+        except InvalidDataError as error:
+            raise FormatError(shown, str(error)) from error
+
+
+def describe(source: Input, name: str | None = None, format: str | None = None) -> Mapping[str, Any]:
+    """JSON-able facts of a file, for `retarget info`; arguments and errors as those of `read_motion`."""
+    with opened(source, name, format) as (stream, shown, found):
+        try:
+            if found.describe is not None:
+                return found.describe(stream, shown)
+            if found.read_trajectory is not None:
+                return trajectory_facts(found.name, found.read_trajectory(stream, shown))
+            if found.read_motion is not None:
+                return motion_facts(found.name, found.read_motion(stream, shown))
+        except InvalidDataError as error:
+            raise FormatError(shown, str(error)) from error
+    raise UsageError(f"{shown}: {found.name} can only be written")
+
+
+def _readers(kind: str) -> str:
+    return ", ".join(f.name for f in available().values() if getattr(f, f"read_{kind}") is not None)

@@ -1,0 +1,105 @@
+"""Opens what is to be read: paths, and streams that may be pipes. Every failure is one line naming the file."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from retarget.core.errors import FormatError, RetargetError, UsageError, nearest
+from retarget.formats import _registry
+from retarget.formats.base import Format
+
+Input = str | Path | BinaryIO
+
+_HEAD = 512
+"""Bytes looked at to recognise a format."""
+
+
+@contextmanager
+def opened(source: Input, name: str | None, format: str | None) -> Iterator[tuple[BinaryIO, str, Format]]:
+    """The open stream, its display name and its format. Streams given by the caller are left open."""
+    with contextlib.ExitStack() as stack:
+        if isinstance(source, str | Path):
+            name = name or str(source)
+            stream = stack.enter_context(_open(Path(source)))
+            where: str | Path = source
+        else:
+            stream, name = source, name or _stream_name(source)
+            where = name
+        head, stream = _peek(stream, name)
+        if not head:
+            raise FormatError(name, "empty file")
+        found = _registry.get(format) if format else _registry.detect(where, head)
+        if not found.pipeable and not stream.seekable():
+            raise UsageError(f"{name}: {found.name} can't be read from a pipe; save it to a file and name that")
+        try:
+            yield stream, name, found
+        except OSError as error:
+            raise RetargetError(f"{name}: can't be read: {error.strerror or error}") from error
+
+
+def _open(path: Path) -> BinaryIO:
+    try:
+        return path.open("rb")
+    except FileNotFoundError:
+        raise UsageError(f"{path}: no such file{_neighbours(path)}") from None
+    except IsADirectoryError:
+        raise UsageError(f"{path}: is a directory; expected a file") from None
+    # ENAMETOOLONG, ELOOP, permission; ValueError is a NUL in the path
+    except (OSError, ValueError) as error:
+        reason = error.strerror.lower() if isinstance(error, OSError) and error.strerror else str(error)
+        raise UsageError(f"{path}: {reason}") from None
+
+
+def _neighbours(path: Path) -> str:
+    """A hint naming files beside `path` that are called almost like it, or where the path stops existing."""
+    if not path.parent.is_dir():
+        return f" (there is no folder {path.parent})"
+    try:
+        near = nearest(path.name, [entry.name for entry in path.parent.iterdir()])
+    except OSError:
+        return ""
+    return f"; did you mean {' or '.join(near)}?" if near else ""
+
+
+def _peek(stream: BinaryIO, name: str) -> tuple[bytes, BinaryIO]:
+    """The first bytes of `stream`, and a stream that still starts with them."""
+    try:
+        if stream.seekable():
+            start = stream.tell()
+            head = stream.read(_HEAD)
+            stream.seek(start)
+            return head, stream
+        head = b""
+        while len(head) < _HEAD and (block := stream.read(_HEAD - len(head))):
+            head += block
+    except OSError as error:
+        raise RetargetError(f"{name}: can't be read: {(error.strerror or str(error)).lower()}") from error
+    return head, cast(BinaryIO, io.BufferedReader(_Rejoined(head, stream)))
+
+
+class _Rejoined(io.RawIOBase):
+    """Bytes already taken from a pipe, then the rest of the pipe."""
+
+    def __init__(self, head: bytes, rest: BinaryIO) -> None:
+        self._head, self._rest = memoryview(head), rest
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]  # typeshed's Buffer is not sliceable
+        block: bytes | memoryview = self._head[: len(buffer)]
+        self._head = self._head[len(block) :]
+        if not block:
+            block = self._rest.read(len(buffer))
+        buffer[: len(block)] = block
+        return len(block)
+
+
+def _stream_name(stream: BinaryIO) -> str:
+    name = getattr(stream, "name", None)
+    return name if isinstance(name, str) else "<stream>"

@@ -1,0 +1,193 @@
+"""Writes the structure of an MCAP file around messages that were encoded in bulk.
+
+`mcap.writer.Writer` takes one message at a time, which costs tens of microseconds each in Python; here a chunk arrives as one array of
+bytes together with the positions of its messages. All small records are written by the mcap package's own record classes. The
+order of records and what is indexed are those of `mcap.writer.Writer`: https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from retarget.formats._cdr import Layout
+from retarget.formats._mcap_reader import MAGIC
+
+_MESSAGE, _MESSAGE_INDEX = 0x05, 0x07
+_RECORD_HEAD = struct.Struct("<BQ")
+_FOOTER_HEAD = struct.Struct("<BQQQ")
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A channel to be written: its topic, ROS message type and that type's definition text. Its id is its place, from 1."""
+
+    topic: str
+    message_type: str
+    definition: str
+
+
+@contextmanager
+def message_record(layout: Layout, channel_id: int, slot: str) -> Iterator[None]:
+    """Lay out one Message record around the message laid out in the body: slots sequence, log_time, publish_time with prefix `slot`."""
+    start = len(layout.template)
+    layout.raw(_RECORD_HEAD.pack(_MESSAGE, 0) + struct.pack("<H", channel_id))
+    layout.variable(f"{slot}sequence", "<u4", aligned=False)
+    layout.variable(f"{slot}log_time", "<u8", aligned=False)
+    layout.variable(f"{slot}publish_time", "<u8", aligned=False)
+    yield
+    content = len(layout.template) - start - _RECORD_HEAD.size
+    layout.template[start : start + _RECORD_HEAD.size] = _RECORD_HEAD.pack(_MESSAGE, content)
+
+
+class McapFile:
+    """An MCAP file being written to a stream that need not seek or tell.
+
+    Call `chunk` any number of times, then `finish`. `topics` are declared in the first chunk. Chunks are compressed with LZ4.
+    """
+
+    def __init__(self, stream: BinaryIO, topics: Sequence[Topic], metadata: Mapping[str, Mapping[str, str]]) -> None:
+        from mcap.data_stream import RecordBuilder
+        from mcap.records import Channel, Header, Metadata, MetadataIndex, Schema
+        from mcap.writer import LIBRARY_IDENTIFIER
+
+        self._stream = stream
+        self._offset = 0
+        self._crc = 0
+        types = list(dict.fromkeys((topic.message_type, topic.definition) for topic in topics))
+        self._schemas = [
+            Schema(id=i, name=name, encoding="ros2msg", data=text.encode()) for i, (name, text) in enumerate(types, 1)
+        ]
+        ids = {schema.name: schema.id for schema in self._schemas}
+        self._channels = [
+            Channel(id=i, topic=topic.topic, message_encoding="cdr", metadata={}, schema_id=ids[topic.message_type])
+            for i, topic in enumerate(topics, 1)
+        ]
+        self._chunk_indexes: list[Any] = []
+        self._metadata_indexes: list[Any] = []
+        self._counts = {channel.id: 0 for channel in self._channels}
+        self._first_time: int | None = None
+        self._last_time = 0
+
+        self._write(MAGIC)
+        self._records(Header("ros2", LIBRARY_IDENTIFIER))
+        for name, entries in metadata.items():
+            start = self._offset
+            self._records(Metadata(name=name, metadata=dict(entries)))
+            self._metadata_indexes.append(MetadataIndex(offset=start, length=self._offset - start, name=name))
+        declarations = RecordBuilder()
+        for record in [*self._schemas, *self._channels]:
+            record.write(declarations)
+        self._prefix: bytes = declarations.end()
+
+    def chunk(self, data: bytes | NDArray[np.uint8], messages: Mapping[int, NDArray[np.uint64]]) -> None:
+        """Write one chunk and its message indexes.
+
+        data: Message records one after another. messages: for each channel id, (K, 2) log time in ns and the record's offset in `data`.
+        """
+        from lz4.frame import compress
+        from mcap.records import Chunk, ChunkIndex
+
+        prefix, self._prefix = self._prefix, b""
+        content = b"".join([prefix, memoryview(data).cast("B")]) if prefix else memoryview(data).cast("B")
+        first = min(int(index[:, 0].min()) for index in messages.values())
+        last = max(int(index[:, 0].max()) for index in messages.values())
+        compressed = compress(content)
+        start = self._offset
+        self._records(
+            Chunk(
+                compression="lz4",
+                data=compressed,
+                message_start_time=first,
+                message_end_time=last,
+                uncompressed_crc=zlib.crc32(content),
+                uncompressed_size=len(content),
+            )
+        )
+        chunk_end = self._offset
+        index_offsets = {}
+        for channel_id, index in messages.items():
+            index_offsets[channel_id] = self._offset
+            entries = (index + np.array([0, len(prefix)], np.uint64)).astype("<u8").tobytes()
+            head = struct.pack("<HI", channel_id, len(entries))
+            self._write(_RECORD_HEAD.pack(_MESSAGE_INDEX, len(head) + len(entries)) + head + entries)
+            self._counts[channel_id] += len(index)
+        self._chunk_indexes.append(
+            ChunkIndex(
+                message_start_time=first,
+                message_end_time=last,
+                chunk_start_offset=start,
+                chunk_length=chunk_end - start,
+                message_index_offsets=index_offsets,
+                message_index_length=self._offset - chunk_end,
+                compression="lz4",
+                compressed_size=len(compressed),
+                uncompressed_size=len(content),
+            )
+        )
+        self._first_time = first if self._first_time is None else min(first, self._first_time)
+        self._last_time = max(last, self._last_time)
+
+    def finish(self) -> None:
+        """Write the summary section, its checksum, the footer and the closing magic."""
+        from mcap.data_stream import RecordBuilder
+        from mcap.opcode import Opcode
+        from mcap.records import DataEnd, Footer, Statistics, SummaryOffset
+
+        self._records(DataEnd(self._crc))
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunk_indexes),
+            message_count=sum(self._counts.values()),
+            message_start_time=self._first_time or 0,
+            message_end_time=self._last_time,
+            metadata_count=len(self._metadata_indexes),
+            schema_count=len(self._schemas),
+        )
+        groups: list[tuple[Opcode, list[Any]]] = [
+            (Opcode.SCHEMA, self._schemas),
+            (Opcode.CHANNEL, self._channels),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes),
+            (Opcode.METADATA_INDEX, self._metadata_indexes),
+        ]
+        summary, start = RecordBuilder(), self._offset
+        offsets = []
+        for opcode, records in groups:
+            begin = summary.count
+            for record in records:
+                record.write(summary)
+            if records:
+                offsets.append(
+                    SummaryOffset(group_opcode=opcode, group_start=start + begin, group_length=summary.count - begin)
+                )
+        offset_start = start + summary.count
+        for offset in offsets:
+            offset.write(summary)
+        data = summary.end()
+        # The checksum covers the summary and the footer up to itself.
+        crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, 20, start, offset_start), zlib.crc32(data))
+        self._write(data)
+        self._records(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc))
+        self._write(MAGIC)
+
+    def _records(self, *records: Any) -> None:
+        from mcap.data_stream import RecordBuilder
+
+        builder = RecordBuilder()
+        for record in records:
+            record.write(builder)
+        self._write(builder.end())
+
+    def _write(self, data: bytes) -> None:
+        self._crc = zlib.crc32(data, self._crc)
+        self._stream.write(data)
+        self._offset += len(data)

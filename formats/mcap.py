@@ -1,0 +1,208 @@
+"""MCAP with profile `ros2`: the pipe format, opened by Foxglove, ROS 2 and rosbags alike.
+
+| topic | type | holds |
+|---|---|---|
+| `/joint_states` | sensor_msgs/msg/JointState | position in rad, velocity in rad/s; effort empty |
+| `/tf` | tf2_msgs/msg/TFMessage | pose of the base frame in `world` (ROS order: quaternion **xyzw**); only with a moving base |
+| `/tf_static` | tf2_msgs/msg/TFMessage | `world` → base frame, identity, once; only with a fixed base |
+| `/base_twist` | geometry_msgs/msg/TwistStamped | twist of the base link's origin in `world`, m/s and rad/s; a half that is unknown is NaN |
+| `/frame_status` | std_msgs/msg/Int8 | the frames' status; only when some frame is marked |
+| `/robot_description` | std_msgs/msg/String | URDF, once; only when there is one |
+
+Names, robot, kind of base and provenance stand in a metadata record named `retarget`. Time 0 of the trajectory is stamp 0, so the
+same trajectory always gives the same bytes. Stamps are whole nanoseconds: times come back within 0.5 ns, everything else bit for bit.
+Times must be in [0, 2³¹) s and at least a nanosecond apart.
+
+Any other MCAP with JointState messages can be read too. There, time starts at the first message; a missing or NaN velocity is
+differentiated from the positions; and the base is the root link of `/robot_description`, its pose the transform from its direct
+parent, interpolated to the joint states' stamps.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from retarget.core.errors import RetargetError
+from retarget.core.types import Array, JointTrajectory
+from retarget.formats import _cdr, _mcap_reader, _trajectory
+from retarget.formats._mcap_reader import MAGIC
+from retarget.formats._mcap_recording import INT8, METADATA, STRING, TWIST, WORLD, Recording
+from retarget.formats._mcap_writer import McapFile, Topic, message_record
+from retarget.formats._ros_messages import JOINT_STATE, TF_MESSAGE, Stamps, typestore
+from retarget.formats.base import Format
+
+_CHUNK_BYTES = 1 << 20
+
+
+def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str = "default") -> None:
+    """Write `trajectory` as MCAP to a stream that need not seek. Raises `RetargetError` for times that MCAP can't hold."""
+    stamps = _stamps(trajectory.time)
+    topics, layout, slots, values = _frame_layout(trajectory)
+    first = int(stamps[0])
+    prefix: list[tuple[int, bytes]] = []
+    if trajectory.base_position is None:
+        prefix.append((_declare(topics, "/tf_static", TF_MESSAGE), _static_identity(trajectory.base_frame)))
+    if trajectory.robot_description:
+        prefix.append((_declare(topics, "/robot_description", STRING), _text_message(trajectory.robot_description)))
+    file = McapFile(stream, topics, {METADATA: _metadata(trajectory)})
+    if prefix:
+        _write_once(file, prefix, first)
+    size = len(layout.template)
+    count = min(max(1, _CHUNK_BYTES // size), len(stamps))
+    rows = layout.rows(count)
+    row_starts = np.arange(count, dtype=np.uint64) * np.uint64(size)
+    seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
+    for start in range(0, len(stamps), count):
+        part = slice(start, min(start + count, len(stamps)))
+        block = rows[: part.stop - start]
+        for slot in slots.values():
+            block[f"{slot}sequence"] = np.arange(part.start, part.stop)
+            block[f"{slot}log_time"] = block[f"{slot}publish_time"] = stamps[part]
+            if f"{slot}sec" in layout.slots:
+                block[f"{slot}sec"], block[f"{slot}nanosec"] = seconds[part], nanoseconds[part]
+        for slot_name, array in values.items():
+            block[slot_name] = array[part]
+        indexes = {}
+        for channel, slot in slots.items():
+            record = np.uint64(layout.slots[f"{slot}sequence"][1] - _BEFORE_SEQUENCE)
+            indexes[channel] = np.stack([stamps[part].astype(np.uint64), row_starts[: len(block)] + record], axis=1)
+        file.chunk(block.view(np.uint8), indexes)
+    file.finish()
+
+
+# opcode, length and channel id come before a message record's sequence number
+_BEFORE_SEQUENCE = 1 + 8 + 2
+
+
+def _stamps(time: Array) -> Stamps:
+    """Whole nanoseconds of `time`, rounded to nearest; seconds are split off first so that no digit is lost in the product."""
+    if time[0] < 0 or time[-1] >= 2**31 - 1:
+        raise RetargetError(
+            f"mcap: time runs from {time[0]:g} s to {time[-1]:g} s; expected within 0 and 2³¹ s (ROS stamps)"
+        )
+    seconds = np.floor(time)
+    stamps: Stamps = seconds.astype(np.int64) * 1_000_000_000 + np.rint((time - seconds) * 1e9).astype(np.int64)
+    if (close := np.diff(stamps) <= 0).any():
+        frame = int(np.argmax(close)) + 1
+        raise RetargetError(
+            f"mcap: frames {frame - 1} and {frame} are less than a nanosecond apart, at {time[frame]!r} s"
+        )
+    return stamps
+
+
+def _declare(topics: list[Topic], topic: str, message_type: str) -> int:
+    """Add a channel and return its id."""
+    definition, _ = typestore().generate_msgdef(message_type, ros_version=2)
+    topics.append(Topic(topic, message_type, definition))
+    return len(topics)
+
+
+def _frame_layout(
+    trajectory: JointTrajectory,
+) -> tuple[list[Topic], _cdr.Layout, dict[int, str], dict[str, NDArray[np.generic]]]:
+    """What every frame writes: the topics, one row that holds a message of each, slot prefix by channel id, arrays by slot name."""
+    topics: list[Topic] = []
+    layout = _cdr.Layout()
+    slots: dict[int, str] = {}
+    values: dict[str, NDArray[np.generic]] = {}
+
+    channel = _declare(topics, "/joint_states", JOINT_STATE)
+    slots[channel] = slot = "joint."
+    count = len(trajectory.joint_names)
+    with message_record(layout, channel, slot):
+        _cdr.joint_state(layout, "", trajectory.joint_names, count, count, slot=slot)
+    values |= {f"{slot}position": trajectory.position, f"{slot}velocity": trajectory.velocity}
+    if trajectory.base_position is not None and trajectory.base_orientation is not None:
+        channel = _declare(topics, "/tf", TF_MESSAGE)
+        slots[channel] = slot = "tf."
+        with message_record(layout, channel, slot):
+            _cdr.transform(layout, _parent_of(trajectory.base_frame), trajectory.base_frame, slot=slot)
+        xyzw = trajectory.base_orientation[:, [1, 2, 3, 0]]
+        values |= {f"{slot}translation": trajectory.base_position, f"{slot}rotation": xyzw}
+    linear, angular = trajectory.base_linear_velocity, trajectory.base_angular_velocity
+    if linear is not None or angular is not None:
+        channel = _declare(topics, "/base_twist", TWIST)
+        slots[channel] = slot = "twist."
+        with message_record(layout, channel, slot):
+            _cdr.twist(layout, WORLD, slot=slot)
+        unknown = np.full((trajectory.frames, 3), np.nan)
+        values[f"{slot}linear"] = unknown if linear is None else linear
+        values[f"{slot}angular"] = unknown if angular is None else angular
+    if trajectory.status.any():
+        channel = _declare(topics, "/frame_status", INT8)
+        slots[channel] = slot = "status."
+        with message_record(layout, channel, slot):
+            _cdr.int8(layout, slot=slot)
+        values[f"{slot}data"] = trajectory.status
+    return topics, layout, slots, values
+
+
+def _parent_of(base_frame: str) -> str:
+    # A frame can't be its own parent: tf would drop the transform.
+    return WORLD if base_frame.lstrip("/") != WORLD else "map"
+
+
+def _static_identity(base_frame: str) -> bytes:
+    layout = _cdr.Layout()
+    _cdr.transform(layout, _parent_of(base_frame), base_frame)
+    row = layout.rows(1)
+    row["rotation"] = [0.0, 0.0, 0.0, 1.0]
+    return row.tobytes()
+
+
+def _text_message(text: str) -> bytes:
+    layout = _cdr.Layout()
+    _cdr.string(layout, text)
+    return bytes(layout.template)
+
+
+def _write_once(file: McapFile, messages: list[tuple[int, bytes]], stamp: int) -> None:
+    """Write single messages, at the trajectory's first stamp, as a chunk of their own at the start."""
+    data, indexes = b"", {}
+    for channel, payload in messages:
+        layout = _cdr.Layout()
+        with message_record(layout, channel, ""):
+            layout.raw(payload)
+        row = layout.rows(1)
+        row["log_time"] = row["publish_time"] = stamp
+        indexes[channel] = np.array([[stamp, len(data)]], np.uint64)
+        data += row.tobytes()
+    file.chunk(data, indexes)
+
+
+def _metadata(trajectory: JointTrajectory) -> dict[str, str]:
+    return {
+        "schema": _trajectory.SCHEMA,
+        "robot": trajectory.robot,
+        "base": "fixed" if trajectory.base_position is None else "floating",
+        "base_frame": trajectory.base_frame,
+        "joint_names": json.dumps(trajectory.joint_names),
+        "provenance": _trajectory.provenance_json(trajectory),
+    }
+
+
+def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
+    """The trajectory in an MCAP stream, read once without seeking; see the module for what other recordings give.
+
+    Raises `FormatError` for a broken or truncated file, one without joint states, and joint states that don't fit together.
+    """
+    recording = Recording(name)
+    for item in _mcap_reader.read(stream, name):
+        recording.add(item)
+    if rest := _mcap_reader.count_rest(stream):
+        recording.warnings.append(f"{rest} bytes after the end of the MCAP document were not read")
+    return recording.trajectory()
+
+
+FORMAT = Format(
+    name="mcap",
+    description="MCAP, profile ros2: JointState, TF and URDF, for Foxglove and ROS 2",
+    suffixes=(".mcap",),
+    magic=(MAGIC,),
+    read_trajectory=read_trajectory,
+    write_trajectory=write_trajectory,
+    pipeable=True,
+)

@@ -1,0 +1,162 @@
+"""NPZ with the keys of BeyondMimic's motion files, so that its loader and those built on it take it as it is.
+
+| key | shape | holds |
+|---|---|---|
+| `fps` | (1,) | mean frame rate in Hz, 0 for a single frame |
+| `joint_pos`, `joint_vel` | (T, n) | rad, rad/s, in the order of `joint_names` |
+| `body_pos_w` | (T, B, 3) | m, world |
+| `body_quat_w` | (T, B, 4) | world ← body, **wxyz** |
+| `body_lin_vel_w`, `body_ang_vel_w` | (T, B, 3) | m/s, rad/s, world |
+
+B is 1: the only body is the base link (`body_names[0]`). The keys below are ours and let everything come back bit for bit:
+`schema`, `time` (T,) s, `joint_names`, `body_names`, `status`, `robot`, `provenance` (JSON), `robot_description`, `base_fixed` (a fixed
+base is written as standing at the origin) and `twist_known` (2,) (an unknown linear or angular velocity is written as the difference of the
+poses). Texts are arrays of NumPy's own string type: arrays of objects would need pickle, which is never written nor read.
+
+A file of others without `joint_names` is refused: which column is which joint can't be known. Of several bodies the first is the base,
+as in BeyondMimic. An archive needs to seek: no pipes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from retarget.core import rotations
+from retarget.core.errors import FormatError, nearest
+from retarget.core.types import Array, JointTrajectory
+from retarget.formats import _trajectory
+from retarget.formats.base import Format
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str = "default") -> None:
+    """Write `trajectory` as uncompressed NPZ. Raises `RetargetError` for provenance that JSON can't hold."""
+    frames, time = trajectory.frames, trajectory.time
+    position, quaternion = trajectory.base_position, trajectory.base_orientation
+    fixed = position is None or quaternion is None
+    if position is None or quaternion is None:
+        position, quaternion = np.zeros((frames, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1))
+    linear, angular = trajectory.base_linear_velocity, trajectory.base_angular_velocity
+    known = [linear is not None, angular is not None]
+    # Frames a hair apart may overflow here; what is not known is not read back either.
+    with np.errstate(all="ignore"):
+        linear = _trajectory.differentiate(time, position) if linear is None else linear
+        angular = rotations.angular_velocity(time, quaternion) if angular is None else angular
+    np.savez(
+        stream,
+        allow_pickle=False,
+        fps=np.array([trajectory.rate_hz]),
+        joint_pos=trajectory.position,
+        joint_vel=trajectory.velocity,
+        body_pos_w=position[:, None],
+        body_quat_w=quaternion[:, None],
+        body_lin_vel_w=linear[:, None],
+        body_ang_vel_w=angular[:, None],
+        schema=np.array(_trajectory.SCHEMA),
+        time=time,
+        joint_names=np.array(trajectory.joint_names, str),
+        body_names=np.array([trajectory.base_frame]),
+        status=trajectory.status,
+        base_fixed=np.array(fixed),
+        twist_known=np.array(known),
+        robot=np.array(trajectory.robot),
+        provenance=np.array(_trajectory.provenance_json(trajectory)),
+        robot_description=np.array(trajectory.robot_description),
+    )
+
+
+def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
+    """The trajectory in an NPZ file with these keys. Without `time`, frame k is at k / fps.
+
+    Raises `FormatError` for anything that is not such a file, among it arrays of pickled objects.
+    """
+    arrays = _load(stream, name)
+    if "schema" in arrays:
+        _trajectory.check_schema(name, _text(name, arrays, "schema", ""))
+    position = _array(name, arrays, "joint_pos", 2)
+    names = _array(name, arrays, "joint_names", 1, kinds="US")
+    body_position, body_orientation = (_array(name, arrays, key, 3) for key in ("body_pos_w", "body_quat_w"))
+    linear, angular = (_array(name, arrays, key, 3) for key in ("body_lin_vel_w", "body_ang_vel_w"))
+    if body_orientation.shape[1:] < (1, 4) or body_orientation.shape[2] != 4 or 0 in body_position.shape:
+        raise FormatError(
+            name, f"found shape {body_orientation.shape}", place="body_quat_w", expected="(T, B, 4) with B ≥ 1"
+        )
+    fixed = bool(_array(name, arrays, "base_fixed", 0, kinds="b")) if "base_fixed" in arrays else False
+    known = _array(name, arrays, "twist_known", 1, kinds="b") if "twist_known" in arrays else np.ones(2, bool)
+    if known.shape != (2,) or 0 in linear.shape or 0 in angular.shape:
+        raise FormatError(
+            name, "found other shapes", place="twist_known, body_lin_vel_w", expected="(2,) and (T, B, 3)"
+        )
+    body_names = (
+        _array(name, arrays, "body_names", 1, kinds="US") if "body_names" in arrays else np.array(["base_link"])
+    )
+    return _trajectory.build(
+        name,
+        time=_time(name, arrays, len(position)),
+        joint_names=tuple(str(joint) for joint in names),
+        position=position,
+        velocity=_array(name, arrays, "joint_vel", 2),
+        base_position=None if fixed else body_position[:, 0],
+        base_orientation=None if fixed else _trajectory.unit_quaternions(name, "body_quat_w", body_orientation[:, 0]),
+        base_linear_velocity=linear[:, 0] if known[0] else None,
+        base_angular_velocity=angular[:, 0] if known[1] else None,
+        status=_array(name, arrays, "status", 1).astype(np.int8)
+        if "status" in arrays
+        else np.zeros(len(position), np.int8),
+        base_frame=str(body_names[0]) if len(body_names) else "base_link",
+        robot=_text(name, arrays, "robot", ""),
+        provenance=_trajectory.parse_provenance(name, _text(name, arrays, "provenance", "")),
+        robot_description=_text(name, arrays, "robot_description", ""),
+    )
+
+
+def _load(stream: BinaryIO, name: str) -> dict[str, NDArray[Any]]:
+    try:
+        with np.load(stream, allow_pickle=False) as archive:
+            return {key: archive[key] for key in archive.files}
+    # Damage surfaces as whatever zipfile, zlib or NumPy's header parser trips over: a dozen unrelated classes.
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise FormatError(name, f"not a readable NPZ archive: {reason}") from error
+
+
+def _array(name: str, arrays: Arrays, key: str, dimensions: int, *, kinds: str = "fiu") -> NDArray[Any]:
+    """Array `key` with that many dimensions, its dtype one of `kinds`; `FormatError` otherwise."""
+    if key not in arrays:
+        near = ", ".join(nearest(key, arrays)) or ", ".join(sorted(arrays)) or "none"
+        raise FormatError(name, f"no array '{key}'", expected=f"it beside those found: {near}")
+    found = arrays[key]
+    if found.ndim != dimensions or found.dtype.kind not in kinds:
+        problem = f"found {found.dtype} of shape {found.shape}"
+        kind = {"fiu": "numbers", "US": "texts", "b": "truth values"}[kinds]
+        raise FormatError(name, problem, place=key, expected=f"{kind} with {dimensions} dimensions")
+    return found
+
+
+def _text(name: str, arrays: Arrays, key: str, default: str) -> str:
+    return str(_array(name, arrays, key, 0, kinds="US")) if key in arrays else default
+
+
+def _time(name: str, arrays: Arrays, frames: int) -> Array:
+    if "time" in arrays:
+        return _array(name, arrays, "time", 1).astype(float)
+    if "fps" not in arrays:
+        raise FormatError(name, "neither 'time' nor 'fps'", expected="one of them")
+    fps = np.asarray(arrays["fps"])
+    if fps.size != 1 or fps.dtype.kind not in "fiu" or not (np.isfinite(fps).all() and fps.ravel()[0] > 0):
+        raise FormatError(name, f"found {fps}", place="fps", expected="one positive number")
+    return np.asarray(np.arange(frames) / float(fps.ravel()[0]))
+
+
+FORMAT = Format(
+    name="npz",
+    description="NumPy archive with the keys of BeyondMimic's motion files",
+    suffixes=(".npz",),
+    magic=(b"PK\x03\x04", b"PK\x05\x06"),
+    read_trajectory=read_trajectory,
+    write_trajectory=write_trajectory,
+)
