@@ -22,6 +22,10 @@ HANDOVER_S = 0.06
 """Half-width over which the ground contact is handed from one foot to the other."""
 
 
+DEEPEST_M, HIGHEST_M = 0.002, 0.004
+"""How far rounding off the base's height may press the lowest corner into the floor, or lift it."""
+
+
 def default_mode(model: RobotModel) -> BaseMode:
     """contact for robots that stand on feet, human for other floating ones, fixed for fixed ones."""
     if not model.base_is_floating:
@@ -118,7 +122,8 @@ def _contact_path(model: RobotModel, motion: HumanMotion, corners: dict[str, Arr
 def _height(time: Array, grounded: Array, human: Array, flight: BoolArray) -> Array:
     """Base height (T,) m: on the lowest corner where something is on the ground, the person's rise above it in flight."""
     if not flight.any():
-        return smooth(time, grounded, 2 / 3 * HANDOVER_S)
+        # The lowest corner changes from foot to foot with a kink in speed: rounded off, within a few millimetres.
+        return np.clip(smooth(time, grounded, 2 / 3 * HANDOVER_S), grounded - DEEPEST_M, grounded + HIGHEST_M)
     if flight.all():
         return grounded
     ground = np.flatnonzero(~flight)
