@@ -92,11 +92,11 @@ def build(profile: RobotProfile, motion: HumanMotion | None = None) -> RobotMode
     import pinocchio as pin
 
     if profile.model.kind == "human":
-        from retarget.core.human_model import human_urdf
+        from retarget.core.human_model import human_urdf, person_profile
 
         if motion is None:
             raise MotionError(f"robot '{profile.name}' is built from a recording's segments; give a recording")
-        text = human_urdf(motion)
+        text, profile = human_urdf(motion), person_profile(profile, motion)
     else:
         text = find_urdf(profile).read_text(encoding="utf-8")
     urdf = prepared_urdf(profile, text)
