@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,8 @@ class ConvertOptions:
     """How to convert. mapping: a name of `mapping_names()`. base: one of BASE_CHOICES, auto = by the robot.
 
     online: the paper's one QP per frame instead of converged frames. rate_hz: output rate, None = the recording's.
-    start_s, end_s: the part of the recording, on its own clock. kernel: the compiled solver ([fast]) where it pays, or one of the two.
+    start_s, end_s: the part of the recording, on its own clock. smooth_s: half-width of a zero-lag minimum-jerk average over the result
+    (the authors of [Darvish2019] smooth by minimum jerk over 0.25 s, with lag), 0 = none; limits hold all the same. kernel: the compiled solver ([fast]) where it pays, or one of the two.
     """
 
     mapping: str = "limb_plane"
@@ -39,6 +40,7 @@ class ConvertOptions:
     rate_hz: float | None = None
     start_s: float | None = None
     end_s: float | None = None
+    smooth_s: float = 0.0
     kernel: str = "auto"
 
 
@@ -91,6 +93,8 @@ def check_options(options: ConvertOptions) -> None:
             raise UnknownNameError(kind, value, choices)
     if options.rate_hz is not None and not 0 < options.rate_hz <= 10_000:
         raise UsageError(f"rate {options.rate_hz:g} Hz; expected above 0 and at most 10000")
+    if not 0 <= options.smooth_s <= 10:
+        raise UsageError(f"smoothing over {options.smooth_s:g} s; expected 0 to 10")
     if options.start_s is not None and options.end_s is not None and options.end_s < options.start_s:
         raise UsageError(f"end {options.end_s:g} s is before start {options.start_s:g} s")
 
@@ -125,6 +129,9 @@ def convert(
         targets = mapping.load(options.mapping).targets(motion, model)
     with stages.timed("solve"):
         solution = _solve(targets, model, options, base != "fixed", progress)
+    if options.smooth_s > 0:
+        with stages.timed("smooth"):
+            solution = _smoothed(motion.time, solution, options.smooth_s)
     with stages.timed("base"):
         trajectory = _trajectory(motion, model, options, base, solution)
     with stages.timed("measure"):
@@ -144,6 +151,18 @@ def _solve(
 
     problem = orientation_problem(targets, model, free_base=free_base)
     return solve(problem, DynamicalOptions(online=options.online), progress)
+
+
+def _smoothed(time_s: Array, solution: Solution, window_s: float) -> Solution:
+    """Averages of neighbouring frames: joint limits, coupled rows and speed limits are convex, so what held for each holds for these."""
+    base = solution.base_orientation
+    return replace(
+        solution,
+        joints=timebase.smooth(time_s, solution.joints, window_s, ends="hold"),
+        base_orientation=None
+        if base is None
+        else rotations.normalize(timebase.smooth(time_s, base, window_s, ends="hold")),
+    )
 
 
 def _trajectory(

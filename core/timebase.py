@@ -6,6 +6,7 @@ Times are seconds, strictly increasing. Quaternions are unit wxyz, continuous in
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -113,23 +114,30 @@ def minimum_jerk(fraction: ArrayLike) -> Array:
     return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
 
 
-def smooth(time: ArrayLike, values: ArrayLike, window_s: float) -> Array:
+def smooth(
+    time: ArrayLike, values: ArrayLike, window_s: float, *, ends: Literal["reflect", "hold"] = "reflect"
+) -> Array:
     """Values (T, ...) averaged over ±`window_s` s with minimum-jerk flanks: symmetric, so without lag.
 
-    The ends are continued by point reflection, so that a straight line stays the same straight line. The weights are positive
-    and sum to one: a smoothed signal never leaves the range of the original away from the ends.
+    Weights are positive and sum to one, so away from the ends a smoothed signal leaves neither the range of the original nor that of
+    its steps. Beyond the ends the signal is continued by point reflection ("reflect": a straight line stays the same straight line) or by
+    its end values ("hold": every convex limit on values and steps that holds before holds after).
     Rates are taken as uniform (the mean step of `time`).
     """
     t, x = np.asarray(time, float), np.asarray(values, float)
     if len(t) < 3 or window_s <= 0:
         return x.copy()
     step = (t[-1] - t[0]) / (len(t) - 1)
-    half = min(int(round(window_s / step)), len(t) - 1)
+    half = min(round(window_s / step), len(t) - 1)
     if half < 1:
         return x.copy()
     kernel = 1.0 - minimum_jerk(np.abs(np.arange(-half, half + 1)) / (half + 1))
     kernel /= kernel.sum()
     flat = x.reshape(len(x), -1)
-    padded = np.concatenate([2 * flat[0] - flat[half:0:-1], flat, 2 * flat[-1] - flat[-2 : -half - 2 : -1]])
+    if ends == "reflect":
+        before, after = 2 * flat[0] - flat[half:0:-1], 2 * flat[-1] - flat[-2 : -half - 2 : -1]
+    else:
+        before, after = np.repeat(flat[:1], half, axis=0), np.repeat(flat[-1:], half, axis=0)
+    padded = np.concatenate([before, flat, after])
     out = np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=1)
     return np.asarray(out.reshape(x.shape))
