@@ -131,7 +131,7 @@ def convert(
         solution = _solve(targets, model, options, base != "fixed", progress)
     if options.smooth_s > 0:
         with stages.timed("smooth"):
-            solution = _smoothed(motion.time, solution, options.smooth_s)
+            solution = _smoothed(motion.time, solution, options.smooth_s, model)
     with stages.timed("base"):
         trajectory = _trajectory(motion, model, options, base, solution)
     with stages.timed("measure"):
@@ -153,16 +153,24 @@ def _solve(
     return solve(problem, DynamicalOptions(online=options.online), progress)
 
 
-def _smoothed(time_s: Array, solution: Solution, window_s: float) -> Solution:
-    """Averages of neighbouring frames: joint limits, coupled rows and speed limits are convex, so what held for each holds for these."""
+def _smoothed(time_s: Array, solution: Solution, window_s: float, model: RobotModel) -> Solution:
+    """Averages of neighbouring frames: joint limits, coupled rows and speed limits are convex, so what held for each holds for these.
+
+    Beyond the clip's ends the motion is thought to go on as it came, unless that would leave a limit: then to stand still.
+    """
+    from retarget.core.solve.problem import coupled_rows
+
+    joints = timebase.smooth(time_s, solution.joints, window_s)
+    rows = coupled_rows(model)
+    inside = (joints >= model.lower).all() and (joints <= model.upper).all()
+    if rows is not None:
+        value = joints @ rows[0].T
+        inside = inside and (value >= rows[1]).all() and (value <= rows[2]).all()
+    if not inside:
+        joints = timebase.smooth(time_s, solution.joints, window_s, ends="hold").clip(model.lower, model.upper)
     base = solution.base_orientation
-    return replace(
-        solution,
-        joints=timebase.smooth(time_s, solution.joints, window_s, ends="hold"),
-        base_orientation=None
-        if base is None
-        else rotations.normalize(timebase.smooth(time_s, base, window_s, ends="hold")),
-    )
+    turned = None if base is None else rotations.normalize(timebase.smooth(time_s, base, window_s))
+    return replace(solution, joints=joints, base_orientation=turned)
 
 
 def _trajectory(
