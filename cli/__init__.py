@@ -1,1 +1,1 @@
-"""Placeholder docstring, written with the room."""
+"""The command line: the only room that prints, colours, and decides exit codes."""

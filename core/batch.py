@@ -66,7 +66,7 @@ def run(
 def attempt(work: Callable[[Item], Result], index: int, item: Item) -> Outcome[Result]:
     """`work(item)` with its exception turned into text: exceptions with a constructor of their own don't survive pickling."""
     try:
-        with _interruptible_worker():
+        with _worker_interrupts.let_through():
             return Outcome(index, work(item))
     except BrokenPipeError:
         raise  # nobody reads the output any more: not this item's fault, and the others have no reader either
@@ -99,12 +99,11 @@ def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     for name in THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
     executor = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_ignore_interrupts
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare_worker
     )
     try:
         yield executor
     except BaseException:
-        executor.shutdown(wait=False, cancel_futures=True)
         for child in set(multiprocessing.active_children()) - elder:
             if child.pid is not None:
                 with contextlib.suppress(ProcessLookupError):
@@ -126,28 +125,43 @@ def _outcome(index: int, future: Future[Outcome[Result]]) -> Outcome[Result]:
         return Outcome(index, error="its worker process died (killed, or out of memory)", exit_code=1, unexpected=True)
 
 
-def _ignore_interrupts() -> None:
-    """First thing in a worker: idle workers stay silent on Ctrl-C, which a terminal sends to the whole process group."""
-    global _in_worker
-    _in_worker = True
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+class _WorkerInterrupts:
+    """Ctrl-C in a worker, which a terminal sends to the whole process group and `process_pool` sends as well.
+
+    It stops the item at work once, so that half-written files are removed undisturbed; idle workers stay silent; and items that
+    already wait in the pool's queue are not begun.
+    """
+
+    def __init__(self) -> None:
+        self.interrupted = self.working = False
+
+    def install(self) -> None:
+        """First thing in a worker; until here the signal was held back."""
+        signal.signal(signal.SIGINT, self._receive)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+    def _receive(self, _signal: int, _frame: object) -> None:
+        first, self.interrupted = not self.interrupted, True
+        if first and self.working:
+            raise KeyboardInterrupt
+
+    @contextlib.contextmanager
+    def let_through(self) -> Iterator[None]:
+        """While one item is worked on. Does nothing outside workers."""
+        self.working = True
+        try:
+            if self.interrupted:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self.working = False
 
 
-_in_worker = False
+_worker_interrupts = _WorkerInterrupts()
 
 
-@contextlib.contextmanager
-def _interruptible_worker() -> Iterator[None]:
-    """While a worker of `process_pool` works, Ctrl-C raises `KeyboardInterrupt`, so that half-written files are removed."""
-    if not _in_worker:
-        yield
-        return
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _prepare_worker() -> None:
+    _worker_interrupts.install()
 
 
 @contextlib.contextmanager

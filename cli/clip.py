@@ -1,0 +1,143 @@
+"""One clip, from its recording to its finished file and its JSON record: what a worker of `retarget convert` does."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from retarget.cli.console import Progress
+from retarget.cli.plan import PIPE, Clip
+from retarget.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from retarget.core.pipeline import ConvertResult
+    from retarget.core.robot_model import RobotModel
+    from retarget.core.types import HumanMotion
+
+Record = dict[str, Any]
+
+
+@lru_cache(maxsize=16)
+def robot_model(robot: str) -> RobotModel:
+    """The model of a robot that needs no recording, built once per process."""
+    from retarget import robots
+    from retarget.core.robot_model import build
+
+    return build(robots.load(robot))
+
+
+def model_for(robot: str, motion: HumanMotion) -> RobotModel:
+    """The robot's model, built from `motion` where the profile says so."""
+    from retarget import robots
+    from retarget.core.robot_model import build
+
+    profile = robots.load(robot)
+    return build(profile, motion) if profile.model.kind == "human" else robot_model(robot)
+
+
+def read_motion(path: str) -> HumanMotion:
+    """The recording at `path`, or on stdin for "-"."""
+    from retarget import formats
+
+    return formats.read_motion(sys.stdin.buffer, "stdin") if path == PIPE else formats.read_motion(path)
+
+
+def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
+    """Read, convert and write `clip`; its record as `--json` prints it. Raises `RetargetError`, leaving nothing half-written."""
+    from retarget import formats
+    from retarget.core import pipeline
+
+    started = time.perf_counter()
+    motion = read_motion(clip.input)
+    read_s = time.perf_counter() - started
+    model = model_for(clip.robot, motion)
+    model_s = time.perf_counter() - started - read_s
+    result = pipeline.convert(motion, model, pipeline.ConvertOptions(**(clip.options or {})), progress)
+    before_write = time.perf_counter()
+    if clip.output == PIPE:
+        stream = getattr(sys.stdout, "buffer", None)
+        if stream is None:
+            raise UsageError("stdout is closed")
+        formats.write_trajectory_stream(stream, result.trajectory, format=clip.format)
+        stream.flush()
+    else:
+        Path(clip.output).parent.mkdir(parents=True, exist_ok=True)
+        formats.write_trajectory(
+            clip.output, result.trajectory, format=clip.format, style=clip.style, overwrite=clip.overwrite
+        )
+    write_s = time.perf_counter() - before_write
+    wall_s = time.perf_counter() - started
+    if clip.report:
+        _write_report(clip, result, model)
+    stages = {"read": read_s, "model": model_s, **result.timings_s, "write": write_s}
+    return _record(clip, result, model, wall_s, stages)
+
+
+def failed_record(clip: Clip, error: str) -> Record:
+    """The record of a clip that came to nothing: the same keys, without values."""
+    keys = ["frames", "rate_hz", "duration_s", "wall_s", "frames_per_second", "metrics", "provenance"]
+    return {**_head(clip, "failed", error), **dict.fromkeys(keys), "warnings": []}
+
+
+def _head(clip: Clip, status: str, error: str | None) -> Record:
+    method = (clip.options or {}).get("mapping")
+    return {
+        "input": clip.input,
+        "output": clip.output,
+        "robot": clip.robot_name,
+        "method": method,
+        "status": status,
+        "error": error,
+    }
+
+
+def _record(clip: Clip, result: ConvertResult, model: RobotModel, wall_s: float, stages: Mapping[str, float]) -> Record:
+    from importlib.metadata import version
+
+    trajectory = result.trajectory
+    record: Record = without_nan(
+        {
+            **_head(clip, "ok", None),
+            "frames": trajectory.frames,
+            "rate_hz": trajectory.rate_hz,
+            "duration_s": float(trajectory.time[-1] - trajectory.time[0]),
+            "wall_s": wall_s,
+            "frames_per_second": trajectory.frames / wall_s,
+            "metrics": result.metrics,
+            "warnings": list(result.motion.source.warnings),
+            "provenance": {
+                "input_sha256": result.motion.source.sha256,
+                "retarget_version": version("retarget"),
+                "robot_model_sha256": model.sha256,
+                "options": dict(clip.options or {}),
+            },
+            "stages_s": dict(stages),
+        }
+    )
+    return record
+
+
+def _write_report(clip: Clip, result: ConvertResult, model: RobotModel) -> None:
+    from retarget.cli.report_page import Section, write_page
+
+    name = Path(clip.input).name if clip.input != PIPE else "stdin"
+    section = Section(title=f"{name} on {clip.robot_name}", result=result, model=model, output=clip.output)
+    write_page(Path(clip.report), [section], overwrite=clip.overwrite)
+
+
+def without_nan(value: Any) -> Any:
+    """`value` as plain JSON types, NumPy numbers unpacked; numbers that JSON can't hold become None."""
+    if isinstance(value, Mapping):
+        return {str(key): without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_nan(item) for item in value]
+    if hasattr(value, "tolist"):
+        return without_nan(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,214 @@
+"""`retarget convert`: recordings in, joint trajectories out."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from retarget.cli import options as o
+from retarget.cli.console import Console, leave, printable
+from retarget.cli.main import unexpected
+from retarget.cli.plan import PIPE, Clip
+from retarget.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from retarget.core.batch import Outcome
+
+
+@click.command(short_help="Turn recordings into robot joint trajectories.")
+@click.argument("inputs", nargs=-1, type=click.Path(allow_dash=True))
+@click.option(
+    "--robot", "robots", multiple=True, required=True, type=o.ROBOT, help="Robot, or profile; repeat for several."
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="TEMPLATE|-",
+    help="Output file, with {stem}, {robot}, {mapping}, {format} filled in; '-' is stdout. Folders before the first "
+    "placeholder must exist. [default: {stem}_{robot}.mcap]",
+)
+@click.option("--format", "format_", type=o.FORMAT, help="mcap, hdf5, csv or npz. [default: by the output's suffix]")
+@click.option("--csv-style", type=o.CSV_STYLE, help="Columns of CSV: default or unitree.")
+@click.option(
+    "--mapping", type=o.MAPPING, default="limb_plane", show_default=True, help="limb_plane or link_orientation."
+)
+@click.option(
+    "--base",
+    type=click.Choice(["auto", "fixed", "human", "contact"]),
+    default="auto",
+    show_default=True,
+    help="Base motion: fixed, along the person's pelvis, or with the stance feet kept in place.",
+)
+@click.option(
+    "--online", is_flag=True, help="One solver step a frame, as in a live loop, instead of converging each frame."
+)
+@click.option(
+    "--rate", "rate_hz", type=o.Number("HZ", above=0), help="Resample to this rate. [default: the recording's]"
+)
+@click.option("--start", "start_s", type=o.Number("S"), help="Leave out frames before this time of the recording.")
+@click.option("--end", "end_s", type=o.Number("S"), help="Leave out frames after this time of the recording.")
+@click.option(
+    "--kernel",
+    type=click.Choice(["auto", "numpy", "compiled"]),
+    default="auto",
+    show_default=True,
+    help="Solver code: compiled needs the extra [fast]; auto takes it for long clips.",
+)
+@click.option("--report", metavar="DIR|FILE.html", help="Also write an HTML page with plots.")
+@click.option("--files-from", metavar="FILE|-", help="Read more inputs from this file, one a line.")
+@click.option("-0", "--null", "nul", is_flag=True, help="--files-from is separated by NUL, not by lines.")
+@click.option("-r", "--recursive", is_flag=True, help="Take all recordings below folders.")
+@click.option("--skip-existing", is_flag=True, help="Leave outputs that exist alone.")
+@click.option("--force", is_flag=True, help="Replace outputs that exist.")
+@click.option("-n", "--dry-run", is_flag=True, help="Check everything, print what would be done, do nothing.")
+@click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Clips at the same time.")
+@click.option("--shard", type=o.Shard(), help="Do only the I-th of N parts of the work (I from 1).")
+@o.as_json("Print one JSON object per clip and line on stdout.")
+@o.speech
+@click.pass_obj
+def convert(
+    console: Console,
+    /,
+    inputs: tuple[str, ...],
+    robots: tuple[str, ...],
+    output: str | None,
+    jobs: int,
+    dry_run: bool,
+    as_json: bool,
+    **choices: Any,
+) -> None:
+    """Turn recordings INPUTS into robot joint trajectories.
+
+    INPUTS are files, folders with -r, or '-' for stdin. Everything is checked before any work: two inputs for one output, an
+    output that exists or a folder that can't be written end the command with nothing done. Outputs are renamed into place
+    when they are complete: a file that exists is finished.
+    """
+    if output == PIPE and as_json:
+        raise UsageError("-o - and --json both want stdout; choose one")
+    if output == PIPE and not dry_run and sys.stdout is not None and sys.stdout.isatty():
+        raise UsageError("-o - would write binary data to the terminal; redirect it, or use -o FILE")
+    clips, skipped = _plan(inputs, robots, output, **choices)
+    for clip in skipped:
+        console.note(f"{clip.output}: exists, skipped")
+    if dry_run:
+        for clip in clips:
+            _print_plan(clip, as_json)
+        return
+    codes = set()
+    for clip, outcome in zip(clips, _outcomes(clips, jobs, console), strict=True):
+        count = f"[{outcome.index + 1}/{len(clips)}] " if len(clips) > 1 else ""
+        _tell(clip, outcome, count, as_json, console)
+        codes.add(outcome.exit_code)
+    if codes - {0}:
+        # A mistake in the options stops every clip in the same way: then it is a usage error, not a failed clip.
+        leave(2 if codes == {2} else 1)
+
+
+def _plan(
+    inputs: tuple[str, ...],
+    robots: tuple[str, ...],
+    output: str | None,
+    *,
+    format_: str | None,
+    csv_style: str | None,
+    report: str | None,
+    files_from: str | None,
+    nul: bool,
+    recursive: bool,
+    skip_existing: bool,
+    force: bool,
+    shard: tuple[int, int] | None,
+    **options: Any,
+) -> tuple[list[Clip], list[Clip]]:
+    """(clips to convert, clips to skip), everything checked that can be checked before work."""
+    from retarget import formats
+    from retarget import robots as profiles
+    from retarget.cli import plan
+    from retarget.cli.clip import robot_model
+    from retarget.core import batch
+
+    if force and skip_existing:
+        raise UsageError("--force and --skip-existing contradict each other")
+    if options["start_s"] is not None and options["end_s"] is not None and options["end_s"] <= options["start_s"]:
+        raise UsageError(f"--end {options['end_s']:g} is not after --start {options['start_s']:g}")
+    known = formats.available()
+    target = plan.output_format(output, format_, known)
+    if csv_style and target.name != "csv":
+        raise UsageError(f"--csv-style is for CSV; the output is {target.name}")
+    chosen = {robot: profiles.load(robot) for robot in dict.fromkeys(robots)}
+    names = plan.collect_inputs(inputs, files_from, nul=nul, recursive=recursive)
+    template = plan.folder_template(output, target)
+    clips = plan.make(
+        names,
+        chosen,
+        template,
+        target,
+        known=known,
+        mapping=options["mapping"],
+        report=report,
+        style=csv_style,
+        overwrite=force,
+        options=options,
+    )
+    clips = batch.shard(clips, *shard) if shard else clips
+    done = [skip_existing and Path(clip.output).is_file() for clip in clips]
+    skipped = [clip for clip, is_done in zip(clips, done, strict=True) if is_done]
+    clips = [clip for clip, is_done in zip(clips, done, strict=True) if not is_done]
+    plan.check_outputs(clips, template)
+    for robot, profile in chosen.items():
+        if profile.model.kind != "human":
+            robot_model(robot)  # a profile that doesn't fit its model should stop the command here, not every clip
+    return clips, skipped
+
+
+def _outcomes(clips: list[Clip], jobs: int, console: Console) -> Iterator[Outcome[dict[str, Any]]]:
+    from retarget.cli.clip import convert_clip
+    from retarget.core import batch
+
+    if len(clips) == 1:
+        with console.progress(clips[0].robot_name) as progress:
+
+            def work(clip: Clip) -> dict[str, Any]:
+                return convert_clip(clip, progress)
+
+            outcomes = list(batch.run(work, clips))
+        yield from outcomes
+    elif jobs == 1 or not clips:
+        yield from batch.run(convert_clip, clips)
+    else:
+        with batch.process_pool(min(jobs, len(clips))) as pool:
+            yield from batch.run(convert_clip, clips, pool)
+
+
+def _print_plan(clip: Clip, as_json: bool) -> None:
+    if as_json:
+        click.echo(
+            json.dumps({"input": clip.input, "output": clip.output, "robot": clip.robot_name, "status": "planned"})
+        )
+    else:
+        click.echo(f"{clip.input} → {clip.output}")
+
+
+def _tell(clip: Clip, outcome: Outcome[dict[str, Any]], count: str, as_json: bool, console: Console) -> None:
+    """The clip's JSON on stdout, its line or its error on stderr."""
+    from retarget.cli.clip import failed_record
+    from retarget.cli.summary import clip_line, clip_notes, stage_line
+
+    record = outcome.value
+    if record is None:
+        if console.debug and outcome.traceback:
+            click.echo(outcome.traceback, err=True, nl=False)
+        text = unexpected(outcome.error) if outcome.unexpected else outcome.error
+        console.error(count + (text if clip.input in text else f"{clip.input}: {text}"))
+        record = failed_record(clip, outcome.error)
+    else:
+        console.note(count + printable(clip_line(record)))
+        for note in clip_notes(record):
+            console.warning(note)
+        console.detail(stage_line(record))
+    if as_json:
+        click.echo(json.dumps(record, allow_nan=False))

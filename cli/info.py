@@ -1,0 +1,78 @@
+"""`retarget info`: what is in a recording or a trajectory."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import click
+from retarget.cli import options as o
+from retarget.cli.console import Console, leave, printable
+from retarget.cli.plan import PIPE
+
+
+@click.command(short_help="Say what is in a recording or a trajectory.")
+@click.argument("files", nargs=-1, required=True, type=click.Path(allow_dash=True))
+@o.as_json("Print one JSON object per file and line on stdout.")
+@o.speech
+@click.pass_obj
+def info(console: Console, files: tuple[str, ...], as_json: bool) -> None:
+    """Say what is in each of FILES: format, rate, frames, segments or joints, gaps, warnings."""
+    from retarget.cli.clip import without_nan
+    from retarget.cli.plan import collect_inputs
+    from retarget.core import batch
+
+    paths = collect_inputs(files, None, nul=False, recursive=False)
+    codes = set()
+    for path, outcome in zip(paths, batch.run(_describe, paths), strict=True):
+        codes.add(outcome.exit_code)
+        if outcome.value is None:
+            _tell_failure(console, path, outcome)
+        elif as_json:
+            click.echo(json.dumps(without_nan({"input": path, **outcome.value}), allow_nan=False))
+        else:
+            click.echo(_readable(path, without_nan(outcome.value)))
+    if codes - {0}:
+        leave(max(codes))
+
+
+def _describe(path: str) -> Mapping[str, Any]:
+    from retarget import formats
+
+    return formats.describe(sys.stdin.buffer, "stdin") if path == PIPE else formats.describe(path)
+
+
+def _tell_failure(console: Console, path: str, outcome: Any) -> None:
+    from retarget.cli.main import unexpected
+
+    if console.debug:
+        click.echo(outcome.traceback, err=True, nl=False)
+    text = unexpected(outcome.error) if outcome.unexpected else outcome.error
+    console.error(text if path in text else f"{path}: {text}")
+
+
+def _readable(path: str, facts: Mapping[str, Any]) -> str:
+    """The facts as aligned lines under the file's name; long lists are counted and cut."""
+    lines = [printable(path)]
+    width = max((len(key) for key in facts), default=0)
+    for key, value in facts.items():
+        for line in _lines(value):
+            lines.append(f"  {key.replace('_', ' '):<{width}}  {printable(line)}")
+            key = ""
+    return "\n".join(lines)
+
+
+def _lines(value: Any) -> list[str]:
+    if isinstance(value, list) and value and all(isinstance(item, str) and " " not in item for item in value):
+        return [f"{len(value)}: {' '.join(value)}"]
+    if isinstance(value, list):
+        return [str(item) for item in value[:10]] + ([f"… and {len(value) - 10} more"] if len(value) > 10 else []) or [
+            "none"
+        ]
+    if isinstance(value, Mapping):
+        return [f"{key}: {item}" for key, item in value.items()] or ["none"]
+    if isinstance(value, float):
+        return [f"{value:g}"]
+    return ["–" if value in (None, "") else str(value)]

@@ -1,0 +1,148 @@
+"""Options that several commands share, and the kinds of values they take. Names are completed by the shell and checked late.
+
+Names of robots, mappings and formats come from their registries, which import NumPy: they are asked only when a value is there
+to be checked or completed, never for `--help`.
+"""
+# ruff: noqa: ARG002 - the signatures of overridden methods are click's
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+from click.shell_completion import CompletionItem
+from retarget.cli.console import Console
+from retarget.core.errors import UnknownNameError
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+if TYPE_CHECKING:
+    _ParamType = click.ParamType
+else:
+
+    class _ParamType(click.ParamType):
+        """click before 8.4 has no type parameter here."""
+
+        def __class_getitem__(cls, _value_type: object) -> type:
+            return cls
+
+
+class Name(_ParamType[str]):
+    """One of the names that `choices()` gives; with `or_path`, also a path ending in `or_path` or holding a slash."""
+
+    def __init__(self, kind: str, choices: Callable[[], Iterable[str]], *, or_path: str = "") -> None:
+        self.name, self.choices, self.or_path = kind, choices, or_path
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        return f"NAME|FILE{self.or_path}" if self.or_path else "NAME"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        text = str(value)
+        if self.or_path and (text.endswith(self.or_path) or "/" in text):
+            return text
+        choices = list(self.choices())
+        if text not in choices:
+            option = param.opts[-1] if param is not None and isinstance(param, click.Option) else ""
+            raise UnknownNameError(self.name, text, choices, where=option)
+        return text
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        items = [CompletionItem(name) for name in self.choices() if name.startswith(incomplete)]
+        return items or ([CompletionItem(incomplete, type="file")] if self.or_path else [])
+
+
+class Number(_ParamType[float]):
+    """A finite number, above `above` where that is given; Python's float() alone would take "nan" and "inf"."""
+
+    name = "number"
+
+    def __init__(self, metavar: str, *, above: float = -math.inf) -> None:
+        self.metavar, self.above = metavar, above
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        return self.metavar
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number) or number <= self.above:
+            wanted = "a number" if self.above == -math.inf else f"a number above {self.above:g}"
+            self.fail(f"found '{value}', expected {wanted}.", param, ctx)
+        return number
+
+
+class Shard(_ParamType[tuple[int, int]]):
+    """`i/n`: the i-th of n parts."""
+
+    name = "shard"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        return "I/N"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):
+            return value
+        first, slash, second = str(value).partition("/")
+        if not (slash and first.isdecimal() and second.isdecimal() and 1 <= int(first) <= int(second)):
+            self.fail(f"found '{value}', expected I/N with 1 ≤ I ≤ N, for example 1/4.", param, ctx)
+        return int(first), int(second)
+
+
+def robot_names() -> list[str]:
+    """Robots known by name."""
+    from retarget import robots
+
+    return robots.names()
+
+
+def mapping_names() -> list[str]:
+    """Mappings known by name."""
+    from retarget.core import pipeline
+
+    return pipeline.mapping_names()
+
+
+def writable_formats() -> list[str]:
+    """Formats that hold trajectories and can be written."""
+    from retarget import formats
+
+    return [name for name, format_ in formats.available().items() if format_.write_trajectory]
+
+
+def csv_styles() -> list[str]:
+    """Styles of the CSV writer, the default first."""
+    from retarget import formats
+
+    return list(formats.available()["csv"].styles)
+
+
+ROBOT = Name("robot", robot_names, or_path=".toml")
+MAPPING = Name("mapping", mapping_names)
+FORMAT = Name("format", writable_formats)
+CSV_STYLE = Name("CSV style", csv_styles)
+
+
+def speech(command: Command) -> Command:
+    """Adds -q, -v and --debug, which set the run's `Console`."""
+
+    def option(*names: str, attribute: str, text: str) -> Callable[[Command], Command]:
+        def remember(ctx: click.Context, _param: click.Parameter, wanted: bool) -> None:
+            if wanted and isinstance(ctx.obj, Console):
+                setattr(ctx.obj, attribute, True)
+
+        return click.option(*names, is_flag=True, is_eager=True, expose_value=False, callback=remember, help=text)
+
+    quiet = option("-q", "--quiet", attribute="quiet", text="Only errors on stderr.")
+    verbose = option("-v", "--verbose", attribute="verbose", text="More facts on stderr.")
+    debug = option("--debug", attribute="debug", text="Show tracebacks of errors.")
+    return quiet(verbose(debug(command)))
+
+
+def as_json(text: str = "Print JSON on stdout.") -> Callable[[Command], Command]:
+    """Adds --json as the argument `as_json`."""
+    return click.option("--json", "as_json", is_flag=True, help=text)

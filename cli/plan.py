@@ -1,0 +1,282 @@
+"""What `retarget convert` will do, decided completely before it does anything: which inputs, which outputs, and whether that can work."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import string
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from retarget.core.errors import UnknownNameError, UsageError
+
+if TYPE_CHECKING:
+    from retarget.core.profile import RobotProfile
+    from retarget.formats.base import Format
+
+PLACEHOLDERS = ("stem", "robot", "mapping", "format")
+PIPE = "-"
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One recording for one robot.
+
+    input, output: paths, or "-" for stdin and stdout. robot: name or profile path as given; robot_name: the profile's own.
+    format, style: of the output. report: path of the HTML page, "" for none. options: fields of `ConvertOptions`.
+    """
+
+    input: str
+    output: str
+    robot: str
+    robot_name: str
+    format: str
+    style: str | None = None
+    overwrite: bool = False
+    report: str = ""
+    options: Mapping[str, Any] | None = None
+
+
+def collect_inputs(inputs: Sequence[str], files_from: str | None, *, nul: bool, recursive: bool) -> list[str]:
+    """Paths of all recordings named, listed in `files_from`, or found below folders. Raises `UsageError` for what isn't there."""
+    from retarget import formats
+
+    named = list(inputs) + (_listed(files_from, nul=nul) if files_from else [])
+    if nul and not files_from:
+        raise UsageError("-0 says how --files-from is separated; give --files-from too")
+    if not named:
+        raise UsageError("no input; give recordings, or --files-from")
+    if named.count(PIPE) > 1 or (PIPE in named and files_from == PIPE):
+        raise UsageError("stdin ('-') can be read only once")
+    suffixes = tuple(s for format_ in formats.available().values() if format_.read_motion for s in format_.suffixes)
+    found: list[str] = []
+    for name in named:
+        if name == PIPE or not Path(name).is_dir():
+            _check_input(name)
+            found.append(name)
+        elif recursive:
+            found += _below(name, suffixes)
+        else:
+            raise UsageError(f"{name}: is a folder; -r converts all recordings below it")
+    return found
+
+
+def stem(path: str, suffixes: Sequence[str]) -> str:
+    """The file's name without folder and without the longest of `suffixes` it ends with; "stdin" for "-"."""
+    if path == PIPE:
+        return "stdin"
+    name = Path(path).name
+    fitting = [suffix for suffix in suffixes if name.lower().endswith(suffix) and len(name) > len(suffix)]
+    return name[: -len(max(fitting, key=len))] if fitting else Path(name).stem
+
+
+def fill(template: str, values: Mapping[str, str]) -> str:
+    """`template` with its placeholders replaced. Raises `UsageError` for unknown ones and for values that would change the folder."""
+    parts = []
+    for literal, name in _parse(template):
+        parts.append(literal)
+        if name is not None:
+            value = values[name]
+            if value in ("", ".", "..") or "/" in value or "\0" in value:
+                raise UsageError(f"-o {template}: {{{name}}} would be '{value}', which is no file name")
+            parts.append(value)
+    return "".join(parts)
+
+
+def output_format(template: str | None, wanted: str | None, known: Mapping[str, Format]) -> Format:
+    """The format to write: `wanted`, else by the suffix of `template`, else MCAP. Raises `UsageError` when they contradict."""
+    writable = {name: format_ for name, format_ in known.items() if format_.write_trajectory}
+    by_suffix = None
+    if template and template != PIPE:
+        name = Path(template).name.lower()
+        by_suffix = next((f for f in writable.values() if name.endswith(f.suffixes)), None)
+    if wanted:
+        chosen = writable[wanted]
+        if by_suffix and by_suffix.name != wanted:
+            raise UsageError(f"-o {template} is a name for {by_suffix.name}, but --format is {wanted}")
+    elif by_suffix:
+        chosen = by_suffix
+    elif template is None or template == PIPE:
+        chosen = writable["mcap"]
+    else:
+        suffixes = ", ".join(s for f in writable.values() for s in f.suffixes)
+        raise UsageError(f"-o {template}: no format has this suffix; expected one of {suffixes}, or --format")
+    if template == PIPE and not chosen.pipeable:
+        raise UsageError(f"{chosen.name} can't be written to a pipe; use -o FILE")
+    return chosen
+
+
+def folder_template(template: str | None, format_: Format) -> str:
+    """The template with the default file name where it names none (None) or only a folder."""
+    name = "{stem}_{robot}" + format_.suffixes[0]
+    if template is None:
+        return name
+    if template != PIPE and (template.endswith("/") or Path(template).is_dir()):
+        return str(Path(template) / name)
+    return template
+
+
+def make(
+    inputs: Sequence[str],
+    robots: Mapping[str, RobotProfile],
+    template: str,
+    format_: Format,
+    *,
+    known: Mapping[str, Format],
+    mapping: str,
+    report: str | None,
+    **rest: Any,
+) -> list[Clip]:
+    """One clip for every input and robot, no two with one output. Raises `UsageError`."""
+    suffixes = [s for known_ in known.values() for s in known_.suffixes]
+    clips = []
+    for path in inputs:
+        for robot, profile in robots.items():
+            values = {"stem": stem(path, suffixes), "robot": profile.name, "mapping": mapping, "format": format_.name}
+            output = template if template == PIPE else fill(template, values)
+            page = _report_path(report, values) if report else ""
+            clips.append(Clip(path, output, robot, profile.name, format=format_.name, report=page, **rest))
+    if template == PIPE and len(clips) > 1:
+        raise UsageError(f"-o - takes one recording and one robot; found {len(clips)}")
+    _refuse_shared(clips, "output", template)
+    _refuse_shared(clips, "report", report or "")
+    return clips
+
+
+def check_outputs(clips: Sequence[Clip], template: str) -> None:
+    """Raise `UsageError` unless every clip's files can be written: not there yet (or `overwrite`), folder there and writable."""
+    probed: set[Path] = set()
+    fixed = _fixed_folder(template)
+    for clip in clips:
+        for path in (clip.output, clip.report):
+            if path in ("", PIPE):
+                continue
+            _check_target(Path(path), overwrite=clip.overwrite)
+            folder = Path(path).parent
+            if folder not in probed:
+                probed.add(folder)
+                _check_folder(folder, may_be_made=path == clip.output and folder != fixed, fixed=fixed)
+
+
+def _listed(source: str, *, nul: bool) -> list[str]:
+    if source == PIPE:
+        data = sys.stdin.buffer.read()
+    else:
+        _check_input(source)
+        data = Path(source).read_bytes()
+    names = [os.fsdecode(name) for name in (data.split(b"\0") if nul else data.splitlines()) if name]
+    if not names:
+        raise UsageError(f"--files-from {source}: lists no file")
+    return names
+
+
+def _check_input(name: str) -> None:
+    if name == PIPE:
+        return
+    path = Path(name)
+    try:
+        exists = path.exists()
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{name}: {error}") from None
+    if not exists:
+        raise UsageError(f"{name}: no such file")
+    if not os.access(path, os.R_OK):
+        raise UsageError(f"{name}: not readable")
+
+
+def _below(folder: str, suffixes: tuple[str, ...]) -> list[str]:
+    found = []
+    for base, folders, names in os.walk(folder):
+        folders.sort()
+        found += [str(Path(base) / name) for name in sorted(names) if name.lower().endswith(suffixes)]
+    if not found:
+        raise UsageError(f"{folder}: no recordings below this folder; looked for {', '.join(suffixes)}")
+    return found
+
+
+def _parse(template: str) -> Iterator[tuple[str, str | None]]:
+    try:
+        fields = list(string.Formatter().parse(template))
+    except ValueError as error:
+        raise UsageError(f"-o {template}: {error}; write {{{{ or }}}} for a brace itself") from None
+    for literal, name, spec, conversion in fields:
+        if name is not None and name not in PLACEHOLDERS:
+            raise UnknownNameError("placeholder", name, PLACEHOLDERS, where=f"-o {template}")
+        if spec or conversion:
+            raise UsageError(f"-o {template}: {{{name}}} takes no format or conversion")
+        yield literal, name
+
+
+def _report_path(report: str, values: Mapping[str, str]) -> str:
+    if report.lower().endswith((".html", ".htm")):
+        return report
+    return str(Path(report) / fill("{stem}_{robot}.html", values))
+
+
+def _refuse_shared(clips: Sequence[Clip], kind: str, template: str) -> None:
+    inputs = {_identity(clip.input): clip.input for clip in clips if clip.input != PIPE}
+    taken: dict[str, Clip] = {}
+    for clip in clips:
+        path = getattr(clip, kind)
+        if path in ("", PIPE):
+            continue
+        place = _identity(path)
+        if place in inputs:
+            raise UsageError(f"{path}: the {kind} would replace the input {inputs[place]}")
+        if place in taken:
+            other = taken[place]
+            if other.input == clip.input and other.robot_name != clip.robot_name:
+                why = f"robots {other.robot_name} and {clip.robot_name}; put {{robot}} into {template}"
+            elif other.input == clip.input:
+                why = f"{clip.input}, which is given twice for robot {clip.robot_name}"
+            else:
+                why = f"{other.input} and {clip.input}; put {{stem}} into {template} or give the inputs different names"
+            raise UsageError(f"{path}: one {kind} for {why}")
+        taken[place] = clip
+
+
+def _identity(path: str) -> str:
+    """The same text for two paths that name the same place."""
+    return str(Path(path).parent.resolve() / Path(path).name)
+
+
+def _check_target(path: Path, *, overwrite: bool) -> None:
+    if path.is_dir():
+        raise UsageError(f"{path}: is a folder")
+    if not os.path.lexists(path):
+        return
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{path}: not a regular file; -o - writes to stdout")
+    if not overwrite:
+        raise UsageError(f"{path}: exists; --force replaces it, --skip-existing leaves it")
+
+
+def _fixed_folder(template: str) -> Path:
+    """The part of the template's folder that no placeholder decides: it has to exist; what follows is made when it is needed."""
+    fixed = []
+    for part in Path(template).parent.parts:
+        pieces = list(_parse(part))
+        if any(name is not None for _, name in pieces):
+            break
+        fixed.append("".join(literal for literal, _ in pieces))
+    return Path(*fixed)
+
+
+def _check_folder(folder: Path, *, may_be_made: bool, fixed: Path) -> None:
+    start = folder
+    while may_be_made and start != fixed and not os.path.lexists(start):
+        start = start.parent
+    if not start.exists():
+        raise UsageError(f"{start}: no such folder; make it first (mkdir -p {start})")
+    if not start.is_dir():
+        raise UsageError(f"{start}: not a folder")
+    # Asking for permission bits says little (root, read-only and virtual file systems): try it. The file has no name on Linux.
+    try:
+        with contextlib.closing(tempfile.TemporaryFile(dir=start)):
+            pass
+    except OSError as error:
+        raise UsageError(f"{start}: can't write into this folder ({error.strerror})") from None

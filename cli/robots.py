@@ -1,0 +1,162 @@
+"""`retarget robots`: which robots there are, what a profile says, and whether it fits its model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+from retarget.cli import options as o
+from retarget.cli.console import Console, leave
+from retarget.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from retarget.core.profile import RobotProfile
+    from retarget.core.robot_model import RobotModel
+    from retarget.core.types import ValidationReport
+
+
+@click.group(short_help="List, show and check robots.")
+def robots() -> None:
+    """List, show and check robots.
+
+    A robot is a name from the list, or a profile of your own: --robot ./mine.toml.
+    """
+
+
+@robots.command("list")
+@o.as_json("Print one JSON object per robot and line on stdout.")
+@o.speech
+def list_robots(as_json: bool) -> None:
+    """List the robots known by name."""
+    from retarget import robots as profiles
+    from retarget.cli.summary import table
+
+    facts = [_facts(profiles.load(name)) for name in profiles.names()]
+    if as_json:
+        for fact in facts:
+            click.echo(json.dumps(fact))
+    else:
+        rows = [[f["name"], _text(f["dof"]), _text(f["mass_kg"]), f["base"], " " + f["description"]] for f in facts]
+        width = max(len(row[-1]) for row in rows)
+        click.echo(
+            table([["robot", "DoF", "kg", "base", " description".ljust(width)], *(_left(r, width) for r in rows)])
+        )
+
+
+@robots.command()
+@click.argument("name", type=o.ROBOT)
+@o.as_json()
+@o.speech
+def show(name: str, as_json: bool) -> None:
+    """Show the robot NAME: where its model comes from, its links and its joints with their limits."""
+    from retarget import robots as profiles
+
+    profile = profiles.load(name)
+    facts = {**_facts(profile), "links": dict(profile.links), "joints": _joints(profile)}
+    click.echo(json.dumps(facts) if as_json else _readable(facts))
+
+
+@robots.command()
+@click.argument("names", nargs=-1, type=o.ROBOT, metavar="[NAME|FILE.toml]...")
+@click.option("--all", "every", is_flag=True, help="Check every robot known by name.")
+@o.as_json("Print one JSON object per robot and line on stdout.")
+@o.speech
+@click.pass_obj
+def check(console: Console, names: tuple[str, ...], every: bool, as_json: bool) -> None:
+    """Check that the profiles NAMES fit their models: links, joints, limits, and the T-pose by forward kinematics.
+
+    Exit code 3 when a check fails.
+    """
+    from retarget import robots as profiles
+
+    if every == bool(names):
+        raise UsageError("give robots to check, or --all")
+    reports = [_check(profiles.load(name)) for name in (profiles.names() if every else names)]
+    for report in reports:
+        _print_report(report, as_json, console)
+    if not all(report.passed for report in reports):
+        leave(3)
+
+
+def _check(profile: RobotProfile) -> ValidationReport:
+    from retarget.core import robot_check
+
+    return robot_check.check(_model(profile))
+
+
+def _print_report(report: ValidationReport, as_json: bool, console: Console) -> None:
+    from retarget.cli.clip import without_nan
+
+    if as_json:
+        checks = [
+            {k: getattr(c, k) for k in ("name", "value", "unit", "limit", "passed", "note")} for c in report.checks
+        ]
+        record = {"robot": report.subject, "passed": report.passed, "checks": checks}
+        click.echo(json.dumps(without_nan(record), allow_nan=False))
+        return
+    failed = [check for check in report.checks if check.passed is False]
+    click.echo(f"{report.subject}: {len(report.checks)} checks, {len(failed)} failed")
+    for entry in report.checks if console.verbose else failed:
+        verdict = {True: "ok", False: "FAILED", None: "not made"}[entry.passed]
+        value = "–" if entry.value is None else f"{entry.value:.4g}"
+        limit = "" if entry.limit is None else f" (limit {entry.limit:g})"
+        click.echo(f"  {verdict:<8} {entry.name}: {value} {entry.unit}{limit} {entry.note}".rstrip())
+
+
+def _model(profile: RobotProfile) -> RobotModel:
+    """The robot's model; a robot that is built from a person takes the person of the sample walk."""
+    from retarget.core.robot_model import build
+
+    if profile.model.kind != "human":
+        return build(profile)
+    from retarget import formats, samples
+
+    return build(profile, formats.read_motion(str(samples.sample_path("walk"))))
+
+
+def _facts(profile: RobotProfile) -> dict[str, Any]:
+    model = _model(profile)
+    source = profile.model
+    where = {"package": f"{source.package}: {source.path}", "file": source.path, "human": "built from the recording"}
+    return {
+        "name": profile.name,
+        "description": profile.description,
+        "dof": len(model.joint_names),
+        "mass_kg": round(model.mass_kg, 3),
+        "model": where[source.kind],
+        "base": profile.base,
+        "links_mapped": len(profile.links),
+    }
+
+
+def _joints(profile: RobotProfile) -> list[dict[str, Any]]:
+    model = _model(profile)
+    columns = zip(model.joint_names, model.lower, model.upper, model.velocity_limit, strict=True)
+    return [
+        {"name": name, "lower_rad": float(low), "upper_rad": float(high), "velocity_rad_s": float(speed)}
+        for name, low, high, speed in columns
+    ]
+
+
+def _readable(facts: dict[str, Any]) -> str:
+    from retarget.cli.summary import table
+
+    heads = [f"{facts['name']}: {facts['description']}"]
+    heads += [f"  {key}: {facts[key]}" for key in ("dof", "mass_kg", "model", "base")]
+    links = table([["  segment", "link"], *([f"  {segment}", link] for segment, link in facts["links"].items())])
+    header = ["  joint", "lower rad", "upper rad", "rad/s"]
+    rows = [
+        [f"  {j['name']}", f"{j['lower_rad']:.3f}", f"{j['upper_rad']:.3f}", f"{j['velocity_rad_s']:.2f}"]
+        for j in facts["joints"]
+    ]
+    return "\n".join([*heads, links, table([header, *rows])])
+
+
+def _text(value: float) -> str:
+    return f"{value:g}" if isinstance(value, int) else f"{value:.1f}"
+
+
+def _left(row: Sequence[str], width: int) -> list[str]:
+    return [*row[:-1], row[-1].ljust(width)]

@@ -1,0 +1,69 @@
+"""The human reading of a clip's record: one line, then what deserves a warning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+Record = Mapping[str, Any]
+
+
+def clip_line(record: Record) -> str:
+    """One line: what was converted, how close the limbs are, whether the limits hold, the feet, the speed, the file."""
+    metrics = record["metrics"]
+    limbs = metrics["limb_direction_error_deg"]
+    broken = metrics["position_limit_violations"] + metrics["velocity_limit_violations"]
+    skate = metrics["foot_skate_m_s"]
+    parts = [
+        f"{record['input']} → {record['robot']}: {record['frames']:,} frames at {record['rate_hz']:g} Hz",
+        f"limbs {degrees(limbs, 'mean')} (p95 {degrees(limbs, 'p95')})",
+        "limits kept" if not broken else f"LIMITS BROKEN {broken} times",
+        *([f"skate {100 * skate['mean']:.1f} cm/s"] if skate else []),
+        f"{record['frames_per_second']:,.0f} frames/s",
+    ]
+    return ", ".join(parts) + (f" → {record['output']}" if record["output"] != "-" else "")
+
+
+def clip_notes(record: Record) -> list[str]:
+    """What the reader found, what was not measured, and where the solver had to hold its last value."""
+    metrics = record["metrics"]
+    notes = list(record["warnings"])
+    if missing := metrics["unmeasured_segments"]:
+        notes.append(f"not measured, kept in the reference posture: {grouped(missing)}")
+    if marked := metrics["marked_frames"]:
+        notes.append(f"{marked} frames could not be solved and hold the last good posture (status 1 in the output)")
+    return notes
+
+
+def stage_line(record: Record) -> str:
+    """Where the time went."""
+    return "  time: " + ", ".join(f"{name} {seconds:.2f} s" for name, seconds in record["stages_s"].items())
+
+
+def grouped(segments: Sequence[str]) -> str:
+    """Segment names with left and right of the same part said once: "LeftFoot RightFoot" → "left and right Foot"."""
+    parts = []
+    for name in segments:
+        side = next((side for side in ("Left", "Right") if name.startswith(side)), "")
+        part = name.removeprefix(side)
+        both = f"Left{part}" in segments and f"Right{part}" in segments and side
+        text = f"left and right {part}" if both else name
+        if text not in parts:
+            parts.append(text)
+    return ", ".join(parts)
+
+
+def degrees(statistics: Mapping[str, float | None] | None, key: str) -> str:
+    """A statistic as text: "1.23°", or "–" where there is none."""
+    value = statistics[key] if statistics else None
+    return "–" if value is None else f"{value:.2f}°"
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Rows in columns, the first row and column as headings; numbers to the right."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
