@@ -28,6 +28,10 @@ class FormatError(RetargetError):
         super().__init__(f"{where}: {problem}" + (f"; expected {expected}" if expected else ""))
 
 
+class InvalidDataError(RetargetError):
+    """Data that breaks a promise of its type: says which field, what was found, and what was promised."""
+
+
 class MotionError(RetargetError):
     """Data that was read but can't be retargeted (gaps too long, nothing measured, empty cut)."""
 

@@ -1,29 +1,37 @@
 """The types that pass between the rooms: frozen, read-only, checked once when made.
 
 SI units; world X forward, Y left, Z up, right-handed; quaternions unit, **wxyz**, continuous in sign along time.
-Arrays are float64 and C-contiguous, and can't be written to. T frames, S segments, n joints.
+Arrays are float64 and C-contiguous, and can't be written to. T frames, S segments, n joints. What is given is copied, unless
+nobody can write to it any more: hand over a large array with `flags.writeable = False` (on what it views, too) and it is shared.
+Types that hold arrays compare by identity.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from retarget.core.errors import RetargetError
-from retarget.core.segments import SEGMENTS
+from numpy.typing import NDArray
+from retarget.core.errors import InvalidDataError as InvalidDataError  # what making these types raises
+from retarget.core.errors import nearest
+from retarget.core.field_checks import (
+    FieldSetter,
+    check_segment_names,
+    check_time,
+    check_tracked_or_not,
+    check_unit,
+    check_unit_quaternions,
+    frozen_array,
+    read_only,
+)
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 TaskKind = Literal["orientation", "position", "axis"]
-
-
-class InvalidDataError(RetargetError):
-    """Data that breaks a promise of its type: says which field, its shape or value, and what was promised."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +51,7 @@ class Source:
     """Frames of which some value was missing or not finite and was interpolated."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HumanMotion:
     """A person's motion: orientations and positions of canonical segments over time.
 
@@ -70,14 +78,13 @@ class HumanMotion:
     source: Source = field(default_factory=lambda: Source("memory"))
 
     def __post_init__(self) -> None:
-        set_ = _Setter(self)
+        set_ = FieldSetter(self)
         names = tuple(self.segments)
         count = len(names)
         set_.value("segments", names)
-        if unknown := [name for name in names if name not in SEGMENTS]:
-            raise InvalidDataError(f"HumanMotion.segments: unknown segment '{unknown[0]}'; expected canonical names")
+        check_segment_names("HumanMotion.segments", names)
         if len(set(names)) != count or not count:
-            raise InvalidDataError("HumanMotion.segments: expected at least one name, each once")
+            raise InvalidDataError(f"HumanMotion.segments: found {names}, expected at least one name, each once")
         time = set_.array("time", ("T",))
         set_.array("orientation", (len(time), count, 4))
         set_.array("position", (len(time), count, 3), finite=False)
@@ -87,15 +94,16 @@ class HumanMotion:
         measured = self.measured if len(self.measured) else np.ones(count, bool)
         set_.value("measured", measured)
         set_.array("measured", (count,), dtype=np.bool_)
-        offsets = {name: _frozen_array(f"joint_offsets[{name}]", v, (3,)) for name, v in self.joint_offsets.items()}
+        check_segment_names("HumanMotion.joint_offsets", self.joint_offsets)
+        offsets = {
+            name: frozen_array(f"HumanMotion.joint_offsets[{name}]", offset, (3,))
+            for name, offset in self.joint_offsets.items()
+        }
         set_.value("joint_offsets", MappingProxyType(offsets))
-        _check_time("HumanMotion", time)
-        _check_unit_quaternions("HumanMotion.orientation", self.orientation)
-        lost = np.isnan(self.position).any(axis=2)
-        if np.isinf(self.position).any() or (lost.any(axis=0) != lost.all(axis=0)).any():
-            raise InvalidDataError(
-                "HumanMotion.position: a segment is either finite in every frame or NaN in every frame"
-            )
+        check_time("HumanMotion.time", time)
+        check_unit_quaternions("HumanMotion.orientation", self.orientation)
+        for index, name in enumerate(names):
+            check_tracked_or_not("HumanMotion.position", name, self.position[:, index])
 
     @property
     def frames(self) -> int:
@@ -115,7 +123,9 @@ class HumanMotion:
     def index(self, segment: str) -> int:
         """Column of `segment`; raises `InvalidDataError` when the motion lacks it."""
         if segment not in self.segments:
-            raise InvalidDataError(f"the motion has no segment '{segment}'; it has {', '.join(self.segments)}")
+            near = nearest(segment, self.segments)
+            hint = f"did you mean {' or '.join(near)}?" if near else f"it has {', '.join(self.segments)}"
+            raise InvalidDataError(f"the motion has no segment '{segment}'; {hint}")
         return self.segments.index(segment)
 
     def has(self, segment: str) -> bool:
@@ -123,7 +133,7 @@ class HumanMotion:
         return segment in self.segments and bool(self.measured[self.segments.index(segment)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Task:
     """One desired quantity of one robot frame over time.
 
@@ -149,24 +159,31 @@ class Task:
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
 
     def __post_init__(self) -> None:
-        set_ = _Setter(self)
+        set_ = FieldSetter(self)
         if self.kind not in ("orientation", "position", "axis"):
             raise InvalidDataError(f"Task.kind: found '{self.kind}', expected orientation, position or axis")
         frames = len(set_.array("value", ("T", 4 if self.kind == "orientation" else 3)))
         set_.array("feed_forward", (frames, 3), optional=True)
-        set_.value("weight", np.broadcast_to(np.asarray(self.weight, float), (frames,)).copy())
+        if np.shape(self.weight) in ((), (1,)):
+            set_.value("weight", np.broadcast_to(np.asarray(self.weight), (frames,)))
         set_.array("weight", (frames,))
         set_.array("offset", (3,))
         set_.array("axis", (3,))
-        if (self.weight < 0).any() or not 0 <= self.twist_weight <= 1:
-            raise InvalidDataError(f"Task of {self.frame}: expected weight ≥ 0 and 0 ≤ twist_weight ≤ 1")
-        if abs(float(np.linalg.norm(self.axis)) - 1) > 1e-6:
-            raise InvalidDataError(f"Task.axis of {self.frame}: found {self.axis}, expected a unit vector")
+        if (self.weight < 0).any():
+            at = int(np.argmin(self.weight))
+            raise InvalidDataError(f"Task.weight of {self.frame}: found {self.weight[at]:g} at ({at},), expected ≥ 0")
+        if not 0 <= self.twist_weight <= 1:
+            raise InvalidDataError(f"Task.twist_weight of {self.frame}: found {self.twist_weight:g}, expected 0 to 1")
+        if self.level < 0:
+            raise InvalidDataError(f"Task.level of {self.frame}: found {self.level}, expected 0 (first) or more")
+        check_unit(f"Task.axis of {self.frame}", self.axis, "a unit vector")
         if self.kind == "orientation":
-            _check_unit_quaternions(f"Task.value of {self.frame}", self.value)
+            check_unit_quaternions(f"Task.value of {self.frame}", self.value)
+        elif self.kind == "axis":
+            check_unit(f"Task.value of {self.frame}", self.value, "unit vectors")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Targets:
     """What the robot's frames should do: the seam between mappings and solvers.
 
@@ -178,21 +195,21 @@ class Targets:
     mapping: str = ""
 
     def __post_init__(self) -> None:
-        set_ = _Setter(self)
+        set_ = FieldSetter(self)
         set_.value("tasks", tuple(self.tasks))
         time = set_.array("time", ("T",))
-        _check_time("Targets", time)
+        check_time("Targets.time", time)
         for task in self.tasks:
             if len(task.value) != len(time):
                 raise InvalidDataError(
-                    f"Targets: task of {task.frame} has {len(task.value)} frames, expected {len(time)}"
+                    f"Targets.tasks: task of {task.frame} has {len(task.value)} frames, expected {len(time)}"
                 )
 
 
 FRAME_OK, FRAME_MARKED = 0, 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointTrajectory:
     """A robot's motion.
 
@@ -220,11 +237,12 @@ class JointTrajectory:
     robot_description: str = ""
 
     def __post_init__(self) -> None:
-        set_ = _Setter(self)
+        set_ = FieldSetter(self)
         set_.value("joint_names", tuple(self.joint_names))
         count = len(self.joint_names)
         if len(set(self.joint_names)) != count:
-            raise InvalidDataError("JointTrajectory.joint_names: a name stands twice")
+            twice = next(name for name in self.joint_names if self.joint_names.count(name) > 1)
+            raise InvalidDataError(f"JointTrajectory.joint_names: found '{twice}' twice, expected each name once")
         frames = len(set_.array("time", ("T",)))
         set_.array("position", (frames, count))
         set_.array("velocity", (frames, count))
@@ -234,11 +252,19 @@ class JointTrajectory:
         set_.array("base_angular_velocity", (frames, 3), optional=True)
         set_.value("status", self.status if len(self.status) else np.zeros(frames, np.int8))
         set_.array("status", (frames,), dtype=np.int8)
+        if not np.isin(self.status, (FRAME_OK, FRAME_MARKED)).all():
+            found = next(int(value) for value in self.status if value not in (FRAME_OK, FRAME_MARKED))
+            raise InvalidDataError(
+                f"JointTrajectory.status: found {found}, expected {FRAME_OK} (solved) or {FRAME_MARKED} (marked)"
+            )
         if (self.base_position is None) != (self.base_orientation is None):
-            raise InvalidDataError("JointTrajectory: base_position and base_orientation go together")
+            given, lacking = "base_position", "base_orientation"
+            if self.base_position is None:
+                given, lacking = lacking, given
+            raise InvalidDataError(f"JointTrajectory.{lacking}: found None beside a {given}, expected both or neither")
         if self.base_orientation is not None:
-            _check_unit_quaternions("JointTrajectory.base_orientation", self.base_orientation)
-        _check_time("JointTrajectory", self.time)
+            check_unit_quaternions("JointTrajectory.base_orientation", self.base_orientation)
+        check_time("JointTrajectory.time", self.time)
         set_.value("provenance", MappingProxyType(dict(self.provenance)))
 
     @property
@@ -263,8 +289,15 @@ class Check:
     passed: bool | None
     note: str = ""
 
+    def __post_init__(self) -> None:
+        # NumPy's False is not `False` and no JSON: what a comparison of arrays gave becomes Python's own here.
+        set_ = FieldSetter(self)
+        set_.value("passed", None if self.passed is None else bool(self.passed))
+        set_.value("value", None if self.value is None else float(self.value))
+        set_.value("limit", None if self.limit is None else float(self.limit))
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class ValidationReport:
     """What a replay or a robot check found: checks, and the series behind them."""
 
@@ -272,85 +305,16 @@ class ValidationReport:
     checks: tuple[Check, ...]
     series: Mapping[str, Array] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        set_ = FieldSetter(self)
+        set_.value("checks", tuple(self.checks))
+        series = {name: read_only(f"ValidationReport.series[{name}]", v, np.float64) for name, v in self.series.items()}
+        set_.value("series", MappingProxyType(series))
+
     @property
     def passed(self) -> bool:
         """Whether no check failed."""
         return all(check.passed is not False for check in self.checks)
-
-
-class _Setter:
-    """Writes checked values into a frozen dataclass while it is being made."""
-
-    def __init__(self, owner: object) -> None:
-        self.owner = owner
-
-    def value(self, name: str, value: object) -> None:
-        object.__setattr__(self.owner, name, value)
-
-    def array(
-        self,
-        name: str,
-        shape: Sequence[int | str],
-        *,
-        optional: bool = False,
-        finite: bool = True,
-        dtype: type[np.generic] = np.float64,
-    ) -> Array:
-        """Replace field `name` by a read-only array of `shape`; a string in `shape` stands for any size ≥ 1."""
-        value = getattr(self.owner, name)
-        if value is None and optional:
-            return np.zeros(0)
-        array = _frozen_array(f"{type(self.owner).__name__}.{name}", value, shape, finite=finite, dtype=dtype)
-        self.value(name, array)
-        return array
-
-
-def _frozen_array(
-    name: str,
-    value: ArrayLike,
-    shape: Sequence[int | str],
-    *,
-    finite: bool = True,
-    dtype: type[np.generic] = np.float64,
-) -> Array:
-    array = np.ascontiguousarray(value, dtype)
-    fits = len(array.shape) == len(shape) and all(
-        size >= 1 if isinstance(want, str) else size == want for size, want in zip(array.shape, shape, strict=True)
-    )
-    if not fits:
-        wanted = ", ".join(str(size) for size in shape)
-        raise InvalidDataError(
-            f"{name}: found shape {array.shape}, expected ({wanted}{',' if len(shape) == 1 else ''})"
-        )
-    if finite and not np.isfinite(array).all():
-        where = np.argwhere(~np.isfinite(array))[0]
-        raise InvalidDataError(
-            f"{name}: found {array[tuple(where)]} at {tuple(int(i) for i in where)}, expected finite values"
-        )
-    if array.flags.writeable:
-        # The caller may still hold a writeable view of its own array: a copy is the only honest freeze for those.
-        array = array.copy() if array is value or array.base is not None else array
-        array.flags.writeable = False
-    return array
-
-
-def _check_time(owner: str, time: Array) -> None:
-    if (steps := np.diff(time) <= 0).any():
-        at = int(np.argmax(steps)) + 1
-        raise InvalidDataError(
-            f"{owner}.time: frame {at} is at {time[at]:g} s, not after frame {at - 1} at {time[at - 1]:g} s"
-        )
-
-
-def _check_unit_quaternions(name: str, quaternion: Array) -> None:
-    off = np.abs(np.einsum("...i,...i->...", quaternion, quaternion) - 1.0)
-    if (off > 1e-6).any():
-        where = tuple(int(i) for i in np.unravel_index(int(np.argmax(off)), off.shape))
-        raise InvalidDataError(
-            f"{name}: norm {np.sqrt(1 + off[where]):.6g} or its inverse at {where}, expected unit quaternions"
-        )
-    if len(quaternion) > 1 and (np.einsum("t...i,t...i->t...", quaternion[1:], quaternion[:-1]) < 0).any():
-        raise InvalidDataError(f"{name}: signs flip between frames, expected them continuous")
 
 
 def _rate(time: Array) -> float:
