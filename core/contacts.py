@@ -28,20 +28,24 @@ def detect(motion: HumanMotion) -> BoolArray | None:
     """Contacts (T, 4) from the height and speed of the ankle (for the heel) and of the ball of the foot (for the toe).
 
     Each point is judged against its own low height over the clip (2nd percentile), so the floor need not be z = 0 and no foot size is
-    assumed. None when positions were not tracked.
+    assumed; a foot that never comes near the other's low height is held in the air. None when positions were not tracked.
     """
-    columns = []
-    for side in ("Left", "Right"):
-        for segment in (f"{side}Foot", f"{side}Toe" if motion.has(f"{side}Toe") else f"{side}Foot"):
-            point = motion.position[:, motion.index(segment)]
-            if np.isnan(point).any():
-                return None
-            columns.append(_debounced(_low_and_slow(motion.time, point), motion.rate_hz))
-    return np.stack(columns, axis=1)
+    columns: dict[str, BoolArray] = {}
+    toes = all(motion.has(f"{side}Toe") for side in ("Left", "Right"))
+    for part, tracked in (("Foot", "Foot"), ("Toe", "Toe" if toes else "Foot")):
+        points = {side: motion.position[:, motion.index(f"{side}{tracked}")] for side in ("Left", "Right")}
+        if any(np.isnan(point).any() for point in points.values()):
+            return None
+        low = {side: float(np.percentile(point[:, 2], 2)) for side, point in points.items()}
+        for side, point in points.items():
+            floor = low[side] if low[side] < min(low.values()) + HEIGHT_M else min(low.values())
+            near = _low_and_slow(motion.time, point, floor)
+            columns[f"{side}{part}"] = _debounced(near, motion.rate_hz)
+    return np.stack([columns[name] for name in ("LeftFoot", "LeftToe", "RightFoot", "RightToe")], axis=1)
 
 
-def _low_and_slow(time: Array, point: Array) -> BoolArray:
-    height = point[:, 2] - np.percentile(point[:, 2], 2)
+def _low_and_slow(time: Array, point: Array, floor: float) -> BoolArray:
+    height = point[:, 2] - floor
     if len(time) < 2:
         return np.asarray(height < HEIGHT_M)
     speed = np.linalg.norm(np.gradient(point, time, axis=0), axis=1)

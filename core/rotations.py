@@ -162,13 +162,16 @@ def from_rpy(rpy: ArrayLike) -> Array:
 
 
 def yaw(quaternion: ArrayLike) -> Array:
-    """Heading (...) in rad: the twist about world Z of `quaternion` (..., 4), 0 = facing +X, positive to the left.
+    """Heading (...) in (−π, π] rad: the twist about world Z of `quaternion` (..., 4), 0 = facing +X, positive to the left.
 
     The twist of the swing-twist decomposition: unlike the yaw of roll-pitch-yaw it has no jump when the person bends forward
     by 90°; undefined (0) only for a body turned exactly upside down.
     """
     q = np.asarray(quaternion, float)
-    return np.asarray(np.arctan2(q[..., 3], q[..., 0]) * 2.0)
+    w, z = q[..., 0], q[..., 3]
+    # q and -q are one rotation: the one with w ≥ 0 has its half angle in [-π/2, π/2].
+    twist = 2.0 * np.arctan2(np.where(w < 0, -z, z), np.abs(w))
+    return np.where(twist <= -np.pi, np.pi, twist)
 
 
 def shortest_arc(start: ArrayLike, end: ArrayLike) -> Array:
@@ -180,8 +183,13 @@ def shortest_arc(start: ArrayLike, end: ArrayLike) -> Array:
     u = u / np.linalg.norm(u, axis=-1, keepdims=True)
     v = v / np.linalg.norm(v, axis=-1, keepdims=True)
     u, v = np.broadcast_arrays(u, v)
-    w = 1.0 + np.einsum("...i,...i->...", u, v)
-    q = np.concatenate([w[..., None], np.cross(u, v)], axis=-1)
-    helper = np.where(np.abs(u[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
-    half_turn = np.concatenate([np.zeros_like(w)[..., None], np.cross(u, helper)], axis=-1)
-    return normalize(np.where((w < 1e-12)[..., None], half_turn, q))
+    axis = np.cross(u, v)
+    length = np.linalg.norm(axis, axis=-1, keepdims=True)
+    helper = np.cross(u, np.where(np.abs(u[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+    axis = np.where(length > 0, axis / np.where(length > 0, length, 1.0), helper)
+    # Near opposite directions the product is all rounding: whatever is left of it must at least be perpendicular to `start`.
+    axis = axis - np.einsum("...i,...i->...", axis, u)[..., None] * u
+    axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+    cosine = np.linalg.norm(u + v, axis=-1, keepdims=True)
+    sine = np.linalg.norm(u - v, axis=-1, keepdims=True)
+    return normalize(np.concatenate([cosine, sine * axis], axis=-1))

@@ -14,6 +14,9 @@ from retarget.core import rotations
 from retarget.core.errors import MotionError, UsageError
 from retarget.core.types import Array, HumanMotion
 
+CLOCK_SLACK_S = 5e-7
+"""Frame times carry rounding (index / rate): this much slack keeps "--end 2" from losing the frame at 2 s."""
+
 
 def cut(motion: HumanMotion, start: float | None, end: float | None) -> HumanMotion:
     """The frames with start ≤ time ≤ end (s, on the motion's own clock; None = open). The clock is kept.
@@ -23,10 +26,14 @@ def cut(motion: HumanMotion, start: float | None, end: float | None) -> HumanMot
     if start is not None and end is not None and end < start:
         raise UsageError(f"end {end:g} s is before start {start:g} s")
     t = motion.time
-    # Frame times carry rounding (index / rate): half a microsecond of slack keeps "--end 2" from losing the frame at 2 s.
-    keep = (t >= (-np.inf if start is None else start - 5e-7)) & (t <= (np.inf if end is None else end + 5e-7))
-    if not keep.any():
-        raise MotionError(f"no frame between {start} s and {end} s; the recording runs from {t[0]:g} s to {t[-1]:g} s")
+    first = 0 if start is None else int(np.searchsorted(t, start - CLOCK_SLACK_S))
+    stop = len(t) if end is None else int(np.searchsorted(t, end + CLOCK_SLACK_S, side="right"))
+    if first >= stop:
+        wanted = " and ".join(
+            f"{word} {limit:g} s" for word, limit in (("from", start), ("until", end)) if limit is not None
+        )
+        raise MotionError(f"no frame {wanted}; the recording runs from {t[0]:g} s to {t[-1]:g} s")
+    keep = slice(first, stop)  # a slice shares the recording's memory
     return replace(
         motion,
         time=t[keep],
@@ -46,9 +53,10 @@ def resample(motion: HumanMotion, rate_hz: float) -> HumanMotion:
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise UsageError(f"rate {rate_hz:g} Hz; expected a positive number")
     t = motion.time
-    count = int(np.floor((t[-1] - t[0]) * rate_hz + 1e-6)) + 1
-    if count > 50_000_000:
-        raise UsageError(f"rate {rate_hz:g} Hz gives {count} frames; expected at most 50 million")
+    steps = float(t[-1] - t[0]) * rate_hz
+    if steps >= 50_000_000:
+        raise UsageError(f"rate {rate_hz:g} Hz gives {steps:.3g} frames; expected at most 50 million")
+    count = int(steps + 1e-6) + 1
     new = np.minimum(t[0] + np.arange(count) / rate_hz, t[-1])
     if len(new) == len(t) and np.allclose(new, t, rtol=0, atol=1e-9):
         return motion
@@ -94,7 +102,7 @@ def fill_gaps(
     start = np.where(after == 0, t[0], t[left])
     stop = np.where(after == len(good), t[-1], t[right])
     length = stop - start
-    if (length > longest_s).any():
+    if (length > longest_s + CLOCK_SLACK_S).any():
         worst = int(np.argmax(length))
         raise MotionError(
             f"values missing for {length[worst]:.3g} s from {start[worst]:.3f} s on; gaps up to {longest_s:g} s are interpolated"

@@ -11,9 +11,13 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
 
-from retarget.core.errors import UnknownNameError
+from retarget.core.errors import UnknownNameError, UsageError
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import HumanMotion, Targets
+
+GROUP = "retarget.mappings"
+SHARED = frozenset({"heading", "link_rotations", "limb_twist"})
+"""Modules of this folder that serve the mappings and are none themselves."""
 
 
 @dataclass(frozen=True)
@@ -27,24 +31,27 @@ class Mapping:
 
 def names() -> list[str]:
     """Names of all mappings, sorted. Imports none of them."""
-    local = [m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_") and m.name not in SHARED]
-    return sorted({*local, *(point.name for point in entry_points(group="retarget.mappings"))})
+    return sorted({*_local(), *(point.name for point in entry_points(group=GROUP))})
 
 
 def load(name: str) -> Mapping:
-    """The mapping called `name`. Raises `UnknownNameError` with the nearest names."""
-    if name not in names():
+    """The mapping called `name`: this folder's, else the installed one.
+
+    Raises `UnknownNameError` with the nearest names, and `UsageError` for an installed one that is no `Mapping`.
+    """
+    if name in _local():
+        local: Mapping = import_module(f"{__name__}.{name}").MAPPING
+        return local
+    installed = {point.name: point for point in entry_points(group=GROUP)}
+    if name not in installed:
         raise UnknownNameError("mapping", name, names())
-    for point in entry_points(group="retarget.mappings"):
-        if point.name == name:
-            loaded = point.load()
-            break
-    else:
-        loaded = import_module(f"{__name__}.{name}").MAPPING
+    loaded = installed[name].load()
     if not isinstance(loaded, Mapping):
-        raise TypeError(f"mapping '{name}' exposes {type(loaded).__name__}, expected Mapping")
+        raise UsageError(
+            f"mapping '{name}' ({installed[name].value}): found {type(loaded).__name__}, expected a Mapping"
+        )
     return loaded
 
 
-SHARED = frozenset({"heading", "link_rotations", "limb_twist"})
-"""Modules of this folder that serve the mappings and are none themselves."""
+def _local() -> list[str]:
+    return [m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_") and m.name not in SHARED]

@@ -13,6 +13,8 @@ from retarget.core.types import Array
 
 STRAIGHT_SINE = 0.15
 """Sine of the bend at which the plane and the segment's own twist count alike."""
+OVERSTRETCHED_SINE = 0.5
+"""Sine of the bend at which a plane that contradicts the own twist counts half. Below that, joints are rather overstretched."""
 WINDOW_S = 0.25
 
 
@@ -23,7 +25,9 @@ def hinge_directions(time: Array, upper: Array, lower: Array, own_hinge: Array, 
     flexion: +1 where bending turns the lower bone about +hinge, -1 where about -hinge.
 
     The plane normal n = ± upper × lower is known to about 1/sin(bend), so it weighs sin²(bend) against STRAIGHT_SINE² for the own
-    twist; angles are averaged as unit vectors in the plane across the bone, weights and all.
+    twist; angles are averaged as vectors in the plane across the bone, weights and all. Recordings whose twist is wrong by a right angle
+    and more exist, and their planes are right; but elbows and knees also overstretch by some 10°, which turns n around and says
+    nothing against the own twist: what speaks against it counts little while the bend is small.
     """
     own = own_hinge - np.einsum("ti,ti->t", own_hinge, upper)[:, None] * upper
     own /= np.linalg.norm(own, axis=1, keepdims=True)
@@ -32,6 +36,7 @@ def hinge_directions(time: Array, upper: Array, lower: Array, own_hinge: Array, 
     across = np.cross(upper, own)
     # |n|·(cos φ, sin φ), once more times |n| for the weight: no division by a vanishing sine anywhere.
     cosine, sine_angle = (sine * np.einsum("ti,ti->t", normal, axis) for axis in (own, across))
+    cosine = np.where(cosine < 0, cosine * sine**2 / (sine**2 + OVERSTRETCHED_SINE**2), cosine)
     cosine = _average(time, cosine + STRAIGHT_SINE**2)
     sine_angle = _average(time, sine_angle)
     angle = np.arctan2(sine_angle, cosine)[:, None]

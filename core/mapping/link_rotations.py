@@ -46,6 +46,7 @@ def from_geometry(model: RobotModel) -> dict[str, Array]:
         if f"{side}Hand" in found:
             # T-pose: fingers outward (+y left, -y right), palms down; rows are the segment's axes in the link's frame.
             y = np.array(hand.fingers) * (1.0 if side == "Left" else -1.0)
-            z = -np.array(hand.palm)
-            found[f"{side}Hand"] = np.stack([np.cross(y, z), y, z])
+            x = np.cross(y, -np.array(hand.palm))
+            x /= np.linalg.norm(x)  # a profile's two directions are perpendicular only to its digits
+            found[f"{side}Hand"] = np.stack([x, y, np.cross(x, y)])
     return found
