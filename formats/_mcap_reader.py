@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from retarget.core.errors import FormatError
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, Metadata, Schema
+    from mcap.records import Channel, Schema
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
@@ -39,13 +39,21 @@ class Batch:
     payloads: list[memoryview] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Metadata:
+    """A metadata record."""
+
+    name: str
+    entries: dict[str, str]
+
+
 def read(stream: BinaryIO, name: str) -> Iterator[Batch | Metadata]:
     """Batches of messages and metadata records of the MCAP document that `stream` starts with; checksums are verified.
 
     Raises `FormatError` for a document that is broken or ends early. Stops right behind the document's last byte.
     """
+    from mcap import records
     from mcap.exceptions import McapError
-    from mcap.records import Metadata
 
     channels = _Channels(name)
     loose: dict[int, Batch] = {}
@@ -54,7 +62,8 @@ def read(stream: BinaryIO, name: str) -> Iterator[Batch | Metadata]:
             if opcode == _CHUNK:
                 yield from _split(memoryview(_chunk_content(content, name)), channels, {}).values()
             elif opcode == _METADATA:
-                yield Metadata.read(_data_stream(content))
+                metadata = records.Metadata.read(_data_stream(content))
+                yield Metadata(metadata.name, metadata.metadata)
             elif opcode == _MESSAGE:
                 _collect(memoryview(content), channels, loose)
                 if any(len(batch.payloads) >= _UNCHUNKED_BATCH for batch in loose.values()):
@@ -63,7 +72,7 @@ def read(stream: BinaryIO, name: str) -> Iterator[Batch | Metadata]:
             elif opcode in (_SCHEMA, _CHANNEL):
                 channels.declare(opcode, content)
         yield from loose.values()
-    except (McapError, struct.error, UnicodeDecodeError) as error:
+    except (McapError, struct.error, UnicodeDecodeError, OverflowError, MemoryError) as error:
         raise FormatError(name, f"broken MCAP record: {error or type(error).__name__}") from error
 
 

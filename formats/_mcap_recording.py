@@ -43,11 +43,11 @@ class Recording:
         self.meta: Mapping[str, str] = {}
         self.topics: dict[str, str] = {}
 
-    def add(self, item: object) -> None:
+    def add(self, item: _mcap_reader.Batch | _mcap_reader.Metadata) -> None:
         """Take in a batch of messages or a metadata record."""
-        if not isinstance(item, _mcap_reader.Batch):
-            if getattr(item, "name", "") == METADATA:
-                self.meta = getattr(item, "metadata", {})
+        if isinstance(item, _mcap_reader.Metadata):
+            if item.name == METADATA:
+                self.meta = item.entries
             return
         self.topics[item.topic] = item.message_type or "no schema"
         if item.encoding != "cdr":
@@ -74,11 +74,9 @@ class Recording:
         own = bool(self.meta)
         if own:
             _trajectory.check_schema(self.name, self.meta.get("schema", ""))
-            time, provenance = (
-                _seconds(stamps),
-                _trajectory.parse_provenance(self.name, self.meta.get("provenance", "")),
-            )
-            base_frame = self.meta.get("base_frame", "")
+            time = _seconds(stamps)
+            provenance = _trajectory.parse_provenance(self.name, self.meta.get("provenance", ""))
+            base_frame: str | None = self.meta.get("base_frame", "")
         else:
             time, provenance = _seconds(stamps - stamps[0]), {"start_stamp_ns": int(stamps[0])}
             base_frame = self._root_link()
@@ -104,7 +102,7 @@ class Recording:
             base_linear_velocity=linear,
             base_angular_velocity=angular,
             status=self._status(stamps),
-            base_frame=base_frame if own else base_frame or "base_link",
+            base_frame="base_link" if base_frame is None else base_frame,
             robot=self.meta.get("robot", ""),
             provenance=provenance,
             robot_description=self.description,
@@ -143,9 +141,10 @@ class Recording:
             self.warnings.append(f"{len(stamps) - len(keep)} joint states repeat a stamp: the first of each is used")
         return stamps[keep], position[keep], velocity[keep]
 
-    def _base(self, frame: str, stamps: Stamps) -> tuple[Array | None, Array | None]:
+    def _base(self, frame: str | None, stamps: Stamps) -> tuple[Array | None, Array | None]:
         """Pose of `frame` at `stamps`, or None twice where the recording doesn't tell."""
-        found = (self.moving.pose(frame.lstrip("/")) or self.still.pose(frame.lstrip("/"))) if frame else None
+        child = None if frame is None else frame.lstrip("/")
+        found = None if child is None else self.moving.pose(child) or self.still.pose(child)
         if found is None:
             if not self.meta:
                 self.warnings.append(
@@ -158,7 +157,8 @@ class Recording:
         quaternion = _trajectory.unit_quaternions(self.name, f"transforms of '{frame}'", pose[:, [6, 3, 4, 5]])
         if np.array_equal(at, stamps):
             return pose[:, :3], quaternion
-        self.warnings.append(f"base pose interpolated: transforms of '{frame}' have other stamps than the joint states")
+        if len(at) > 1:
+            self.warnings.append(f"base pose interpolated: '{frame}' has other stamps than the joint states")
         at, first = np.unique(at, return_index=True)
         return _interpolated(at, pose[first, :3], quaternion[first], stamps)
 
@@ -179,17 +179,17 @@ class Recording:
             status[place[same]] = values[same]
         return status
 
-    def _root_link(self) -> str:
-        """The link of the URDF in /robot_description that is no joint's child; "" without one."""
+    def _root_link(self) -> str | None:
+        """The link of the URDF in /robot_description that is no joint's child; None without one."""
         if not self.description or re.search(r"<!(DOCTYPE|ENTITY)", self.description):
-            return ""
+            return None
         try:
             tree = ElementTree.fromstring(self.description)
         except ElementTree.ParseError as error:
             self.warnings.append(f"/robot_description is not XML: {error}")
-            return ""
+            return None
         children = {child.get("link", "") for child in tree.findall("joint/child")}
-        return next((n for link in tree.findall("link") if (n := link.get("name", "")) not in children), "")
+        return next((n for link in tree.findall("link") if (n := link.get("name", "")) not in children), None)
 
 
 def _seconds(stamps: Stamps) -> Array:

@@ -59,20 +59,34 @@ def write_trajectory_stream(
     if not chosen.pipeable:
         raise UsageError(f"{chosen.name} can't be written to a pipe; write it to a file with -o FILE")
     _trajectory.check_texts(trajectory)
-    # A raw stream may take only part of what it is given; the buffer is detached again so that it doesn't close the stream.
-    raw = isinstance(stream, io.RawIOBase)
-    out = io.BufferedWriter(stream) if isinstance(stream, io.RawIOBase) else stream
+    out = cast(BinaryIO, _Whole(stream)) if isinstance(stream, io.RawIOBase) else stream
     try:
-        writer(cast(BinaryIO, out), trajectory, style)
+        writer(out, trajectory, style)
         out.flush()
     except BrokenPipeError:
         raise
     except OSError as error:
         raise _refusal("output stream", error) from error
-    finally:
-        if raw:
-            with contextlib.suppress(OSError):
-                cast(io.BufferedWriter, out).detach()
+
+
+class _Whole:
+    """Writes all it is given to a raw stream, which may take only part at a time."""
+
+    def __init__(self, raw: io.RawIOBase) -> None:
+        self._raw = raw
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        rest = memoryview(data).cast("B")
+        size = len(rest)
+        while rest:
+            taken = self._raw.write(rest)
+            if taken is None:
+                raise BlockingIOError(errno.EAGAIN, "the stream does not wait for its reader")
+            rest = rest[taken:]
+        return size
+
+    def flush(self) -> None:
+        self._raw.flush()
 
 
 def _of_output(path: str | Path) -> Format:
@@ -154,7 +168,7 @@ def _refusal(path: object, error: OSError | ValueError) -> RetargetError:
         return UsageError(f"{path}: {error}")
     reason = (error.strerror or str(error)).lower()
     if error.errno in _FULL:
-        return RetargetError(f"{path}: can't be written: {reason}; nothing was kept of it")
+        return RetargetError(f"{path}: can't be written: {reason}")
     if error.errno in (
         errno.EACCES,
         errno.EPERM,

@@ -20,6 +20,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from typing import BinaryIO
 
 import numpy as np
@@ -143,8 +144,12 @@ def _parse(text: Iterable[str], name: str) -> tuple[list[str], Array]:
         )
     if repeated := [column for i, column in enumerate(header) if column in header[:i]]:
         raise FormatError(name, f"column '{repeated[0]}' stands twice", place="line 1")
+    # NumPy only warns when there is nothing to read.
+    first = next((line for line in lines if line.strip()), None)
+    if first is None:
+        raise FormatError(name, "no frames below the header")
     try:
-        values = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
+        values = np.loadtxt(chain([first], lines), delimiter=",", comments=None, ndmin=2)
     except UnicodeDecodeError:
         raise
     except ValueError as error:
@@ -152,8 +157,6 @@ def _parse(text: Iterable[str], name: str) -> tuple[list[str], Array]:
         raise FormatError(
             name, " ".join(str(error).split()), place="below the header", expected=f"{len(header)} numbers a line"
         ) from error
-    if not values.size:
-        raise FormatError(name, "no frames below the header")
     if values.shape[1] != len(header):
         raise FormatError(
             name,

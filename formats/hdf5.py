@@ -51,12 +51,11 @@ def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str 
     }
     # Built in memory: an error of the file system inside the HDF5 library would not surface as one.
     image = io.BytesIO()
-    with h5py.File(image, "w", track_order=True) as file:
-        text = h5py.string_dtype("utf-8")
+    # The format of HDF5 1.8 (2008) on: its metadata carry checksums, and attributes may be longer than 64 kB.
+    with h5py.File(image, "w", libver=("v108", "v110")) as file:
         for name, value in attributes.items():
-            file.attrs.create(name, value, dtype=text)
-        names = np.array(trajectory.joint_names, object)
-        file.attrs.create("joint_names", names, shape=(len(names),), dtype=text)
+            _put_texts(file, name, np.array(value.encode()))
+        _put_texts(file, "joint_names", np.array([joint.encode() for joint in trajectory.joint_names], np.bytes_))
         _put(file, "time", trajectory.time, "s")
         _put(file, "joint/position", trajectory.position, "rad")
         _put(file, "joint/velocity", trajectory.velocity, "rad/s")
@@ -65,6 +64,13 @@ def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str 
                 _put(file, path, values, unit)
         _put(file, "status", trajectory.status, "1")
     stream.write(image.getbuffer())
+
+
+def _put_texts(file: h5py.File, name: str, values: NDArray[np.bytes_]) -> None:
+    import h5py
+
+    # Of fixed length: those of variable length lie in a heap without checksums, where damage makes the HDF5 library hang.
+    file.attrs.create(name, values, dtype=h5py.string_dtype("utf-8", max(1, values.dtype.itemsize)))
 
 
 def _put(file: h5py.File, path: str, values: NDArray[Any], unit: str) -> None:
@@ -123,12 +129,10 @@ class _Reader:
         value = self._attribute(attribute)
         if value is None and default is not None:
             return default
-        if isinstance(value, bytes):
-            value = value.decode(errors="replace")
-        if not isinstance(value, str):
+        if not isinstance(value, str | bytes):
             found = "no such attribute" if value is None else f"found a {type(value).__name__}"
             raise FormatError(self.name, found, place=f"attribute {attribute}", expected="text")
-        return value
+        return self._decoded(attribute, value)
 
     def names(self) -> tuple[str, ...]:
         """The joint names."""
@@ -137,7 +141,7 @@ class _Reader:
             raise FormatError(
                 self.name, "missing or no list of text", place="attribute joint_names", expected="one name a joint"
             )
-        return tuple(item.decode(errors="replace") if isinstance(item, bytes) else item for item in value.ravel())
+        return tuple(self._decoded("joint_names", item) for item in value.ravel())
 
     def array(self, path: str, dimensions: int) -> NDArray[Any]:
         """A numeric dataset with that many dimensions."""
@@ -164,6 +168,13 @@ class _Reader:
             expected = f"an array of numbers with {dimensions} dimensions"
             raise FormatError(self.name, f"found {_one_line(dataset)}", place=f"/{path}", expected=expected)
         return np.asarray(values)
+
+    def _decoded(self, attribute: str, value: str | bytes) -> str:
+        try:
+            # h5py gives undecodable text of variable length as a str with lone surrogates.
+            return value.decode() if isinstance(value, bytes) else value.encode().decode()
+        except UnicodeError as error:
+            raise FormatError(self.name, "not UTF-8", place=f"attribute {attribute}") from error
 
     def _attribute(self, attribute: str) -> Any:
         try:

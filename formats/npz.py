@@ -11,7 +11,8 @@
 B is 1: the only body is the base link (`body_names[0]`). The keys below are ours and let everything come back bit for bit:
 `schema`, `time` (T,) s, `joint_names`, `body_names`, `status`, `robot`, `provenance` (JSON), `robot_description`, `base_fixed` (a fixed
 base is written as standing at the origin) and `twist_known` (2,) (an unknown linear or angular velocity is written as the difference of the
-poses). Texts are arrays of NumPy's own string type: arrays of objects would need pickle, which is never written nor read.
+poses). Texts are arrays of NumPy's own string types (`robot_description`, the longest, UTF-8 bytes to be a quarter the size): arrays of
+objects would need pickle, which is never written nor read.
 
 A file of others without `joint_names` is refused: which column is which joint can't be known. Of several bodies the first is the base,
 as in BeyondMimic. An archive needs to seek: no pipes.
@@ -65,7 +66,7 @@ def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str 
         twist_known=np.array(known),
         robot=np.array(trajectory.robot),
         provenance=np.array(_trajectory.provenance_json(trajectory)),
-        robot_description=np.array(trajectory.robot_description),
+        robot_description=np.array(trajectory.robot_description.encode()),
     )
 
 
@@ -97,7 +98,7 @@ def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
     return _trajectory.build(
         name,
         time=_time(name, arrays, len(position)),
-        joint_names=tuple(str(joint) for joint in names),
+        joint_names=_texts(name, "joint_names", names),
         position=position,
         velocity=_array(name, arrays, "joint_vel", 2),
         base_position=None if fixed else body_position[:, 0],
@@ -107,7 +108,7 @@ def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
         status=_array(name, arrays, "status", 1).astype(np.int8)
         if "status" in arrays
         else np.zeros(len(position), np.int8),
-        base_frame=str(body_names[0]) if len(body_names) else "base_link",
+        base_frame=_texts(name, "body_names", body_names[:1])[0] if len(body_names) else "base_link",
         robot=_text(name, arrays, "robot", ""),
         provenance=_trajectory.parse_provenance(name, _text(name, arrays, "provenance", "")),
         robot_description=_text(name, arrays, "robot_description", ""),
@@ -138,7 +139,18 @@ def _array(name: str, arrays: Arrays, key: str, dimensions: int, *, kinds: str =
 
 
 def _text(name: str, arrays: Arrays, key: str, default: str) -> str:
-    return str(_array(name, arrays, key, 0, kinds="US")) if key in arrays else default
+    return _texts(name, key, _array(name, arrays, key, 0, kinds="US").reshape(1))[0] if key in arrays else default
+
+
+def _texts(name: str, key: str, values: NDArray[Any]) -> tuple[str, ...]:
+    """NumPy texts as Python ones; bytes are taken as UTF-8."""
+    try:
+        # Code points above Unicode's last make tolist itself raise ValueError, of which UnicodeError is a child.
+        return tuple(
+            value.decode() if isinstance(value, bytes) else value.encode().decode() for value in values.tolist()
+        )
+    except ValueError as error:
+        raise FormatError(name, "not Unicode text", place=key) from error
 
 
 def _time(name: str, arrays: Arrays, frames: int) -> Array:

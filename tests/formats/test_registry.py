@@ -1,0 +1,108 @@
+"""Formats are found without being told of, cheaply, and recognised by suffix and content."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import types
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+from retarget import formats
+from retarget.core.errors import FormatError, UnknownNameError
+from retarget.formats import _registry
+from retarget.formats.base import Format
+
+HEAVY = ("h5py", "rosbags", "mcap", "mujoco", "pinocchio", "lz4")
+
+
+def test_names_are_the_modules_of_the_folder() -> None:
+    folder = Path(formats.__file__).parent
+    modules = {p.stem for p in folder.glob("*.py") if not p.stem.startswith("_")} - {"base"}
+    assert {"mcap", "hdf5", "csv", "npz"} <= modules
+    assert set(formats.available()) == modules == set(formats.names())
+
+
+@pytest.mark.parametrize("call", ["names()", "available()", "detect('a.mcap', b'')"])
+def test_listing_and_detecting_import_nothing_heavy(call: str) -> None:
+    code = (
+        f"import sys; from retarget import formats; formats.{call}; print([m for m in {HEAVY!r} if m in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_every_format_is_called_as_its_module_and_no_suffix_has_two() -> None:
+    found = formats.available()
+    assert all(name == format_.name for name, format_ in found.items())
+    suffixes = [suffix for format_ in found.values() for suffix in format_.suffixes]
+    assert len(suffixes) == len(set(suffixes))
+    assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in suffixes)
+    assert all(f.read_motion or f.read_trajectory or f.write_trajectory for f in found.values())
+
+
+@pytest.mark.parametrize(
+    ("path", "head", "name"),
+    [
+        ("walk.mcap", b"", "mcap"),
+        ("WALK.MCAP", b"\x89MCAP0\r\n", "mcap"),
+        ("a.b/walk.h5", b"\x89HDF\r\n\x1a\n", "hdf5"),
+        ("walk.csv", b"PK\x03\x04", "csv"),
+        ("walk", b"PK\x03\x04....", "npz"),
+        ("walk.dat", b"\x89HDF\r\n\x1a\n....", "hdf5"),
+        ("walk.npz", b"garbage", "npz"),
+    ],
+)
+def test_suffix_first_then_magic(path: str, head: bytes, name: str) -> None:
+    assert formats.detect(path, head).name == name
+
+
+def test_unknown_content_names_the_near_and_all_readable_suffixes() -> None:
+    with pytest.raises(FormatError, match=r"unknown suffix '\.mcp'.*did you mean \.mcap.*\.csv.*\.npz"):
+        formats.detect("walk.mcp", b"garbage")
+    with pytest.raises(FormatError, match="no suffix"):
+        formats.detect("walk", b"garbage")
+
+
+def test_a_suffix_that_its_content_contradicts_is_refused() -> None:
+    with pytest.raises(FormatError, match=r"suffix says mcap, the content is hdf5.*\.h5"):
+        formats.detect("walk.mcap", b"\x89HDF\r\n\x1a\n")
+
+
+def test_unknown_format_names_the_near() -> None:
+    with pytest.raises(UnknownNameError, match="unknown format 'hdf'; did you mean hdf5"):
+        formats.get("hdf")
+    with pytest.raises(UnknownNameError, match="unknown format 'base'"):
+        formats.get("base")
+
+
+def _plugin(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
+    point = EntryPoint(name=name, value=value, group=_registry.GROUP)
+    monkeypatch.setattr(_registry, "entry_points", lambda group: [point] if group == _registry.GROUP else [])
+
+
+def test_plugin_is_found_by_its_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = types.ModuleType("plugin_of_others")
+    plugin = Format("gait", "a plugin", suffixes=(".gait",), magic=(b"GAIT",))
+    module.FORMAT = plugin  # type: ignore[attr-defined]  # a module made here has no declared attributes
+    monkeypatch.setitem(sys.modules, "plugin_of_others", module)
+    for value in ("plugin_of_others", "plugin_of_others:FORMAT"):
+        _plugin(monkeypatch, "gait", value)
+        assert "gait" in formats.names()
+        assert formats.get("gait") is formats.available()["gait"] is plugin
+        assert formats.detect("x.gait", b"") is formats.detect("x", b"GAIT!") is plugin
+
+
+def test_plugin_does_not_replace_a_built_in_format(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = formats.get("csv")
+    _plugin(monkeypatch, "csv", "nowhere")
+    assert formats.get("csv") is formats.available()["csv"] is own
+
+
+@pytest.mark.parametrize("value", ["module_that_is_not_there", "json:dumps"])
+def test_broken_plugin_is_warned_of_and_leaves_the_rest(monkeypatch: pytest.MonkeyPatch, value: str) -> None:
+    _plugin(monkeypatch, "gait", value)
+    with pytest.warns(UserWarning, match="format plugin 'gait'"):
+        found = formats.available()
+    assert "gait" not in found
+    assert "mcap" in found
