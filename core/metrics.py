@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 from retarget.core import rotations
+from retarget.core.contacts import foot_contacts
 from retarget.core.kinematics import link_poses
 from retarget.core.mapping.limb_plane import bone_direction
 from retarget.core.robot_model import RobotModel
 from retarget.core.segments import LIMB_END
 from retarget.core.solve.base import sole_corners
-from retarget.core.types import Array, HumanMotion, JointTrajectory, Targets
+from retarget.core.types import Array, BoolArray, HumanMotion, JointTrajectory, Targets
 
 ROUNDING = 1e-9
 """Limits are counted with no tolerance beyond floating-point rounding."""
@@ -32,7 +33,7 @@ def measure(
     link = orientation_errors(trajectory, model, targets)
     series |= {f"limb_direction_error_deg/{segment}": error for segment, error in limb.items()}
     series |= {f"orientation_error_deg/{segment}": error for segment, error in link.items()}
-    skate, penetration, feet = foot_figures(trajectory, model)
+    skate, penetration, feet = foot_figures(trajectory, model, foot_contacts(motion))
     series |= feet
     limits, limit_series = limit_figures(trajectory, model)
     series |= limit_series
@@ -113,11 +114,13 @@ def jerk_rms(trajectory: JointTrajectory) -> float:
 
 
 def foot_figures(
-    trajectory: JointTrajectory, model: RobotModel
+    trajectory: JointTrajectory, model: RobotModel, contacts: BoolArray | None = None
 ) -> tuple[dict[str, float] | None, dict[str, float] | None, dict[str, Array]]:
     """(skate in m/s, penetration in mm, series), floor at z = 0.
 
-    Skate: horizontal speed of a sole's centre while lower than 10 mm. Penetration: depth of the lowest corner below the floor.
+    Skate: horizontal speed of a stance foot's sole centre. A foot is in stance while its centre is lower than 10 mm and, where the person's
+    `contacts` (T, 4) are known, the person's heel or toe is down: a small robot's foot swings through lower than that.
+    Penetration: depth of the lowest corner below the floor.
     """
     if not model.profile.feet or trajectory.base_orientation is None or trajectory.base_position is None:
         return None, None, {}
@@ -132,7 +135,11 @@ def foot_figures(
         if trajectory.frames < 2:
             continue
         speed = np.linalg.norm(np.diff(centre[:, :2], axis=0), axis=1) / np.diff(trajectory.time)
-        standing = (centre[1:, 2] < SOLE_ON_GROUND_M) & (centre[:-1, 2] < SOLE_ON_GROUND_M)
+        low = centre[:, 2] < SOLE_ON_GROUND_M
+        if contacts is not None:
+            heel = 2 * ("Left", "Right").index(side)
+            low &= contacts[:, heel : heel + 2].any(axis=1)
+        standing = low[1:] & low[:-1]
         speeds.append(speed[standing])
         series[f"foot_skate_m_s/{side}"] = np.concatenate([[0.0], np.where(standing, speed, 0.0)])
     all_speeds = np.concatenate(speeds) if speeds else np.zeros(0)
