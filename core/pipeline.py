@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 BASE_CHOICES = ("auto", "fixed", "human", "contact")
 KERNEL_CHOICES = ("auto", "numpy", "compiled")
+LEAD_S = 5.0
+"""How much of the recording before and after a wanted part is solved along with it and thrown away."""
 
 
 @dataclass(frozen=True)
@@ -120,9 +122,7 @@ def convert(
     base = base_motion.default_mode(model) if options.base == "auto" else options.base
     stages = _Stages()
     with stages.timed("prepare"):
-        motion = timebase.cut(motion, options.start_s, options.end_s)
-        if options.rate_hz is not None:
-            motion = timebase.resample(motion, options.rate_hz)
+        motion, window = _with_lead(motion, options)
         if base == "fixed":
             motion = without_heading(motion, model.profile.base_segment)
     with stages.timed("map"):
@@ -132,11 +132,52 @@ def convert(
     if options.smooth_s > 0:
         with stages.timed("smooth"):
             solution = _smoothed(motion.time, solution, options.smooth_s, model)
+    if window != slice(0, motion.frames):
+        motion, targets, solution = _trimmed(motion, targets, solution, window)
     with stages.timed("base"):
         trajectory = _trajectory(motion, model, options, base, solution)
     with stages.timed("measure"):
         metrics, series = measure(trajectory, model, motion, targets)
     return ConvertResult(trajectory, motion, targets, metrics, stages.seconds, model, series)
+
+
+def _with_lead(motion: HumanMotion, options: ConvertOptions) -> tuple[HumanMotion, slice]:
+    """The wanted part at the wanted rate with up to LEAD_S more at either end, and which of its frames are wanted.
+
+    A part then moves as it does in the whole: where a joint is at its speed limit, and where twists are averaged, what came before matters.
+    """
+    wanted = timebase.cut(motion, options.start_s, options.end_s)
+    first, last = float(wanted.time[0]), float(wanted.time[-1])
+    led = timebase.cut(motion, first - LEAD_S, last + LEAD_S) if wanted.frames < motion.frames else wanted
+    if options.rate_hz is not None:
+        led = timebase.resample(led, options.rate_hz, anchor_s=first)
+    inside = np.flatnonzero((led.time >= first - 5e-7) & (led.time <= last + 5e-7))
+    return led, slice(int(inside[0]), int(inside[-1]) + 1)
+
+
+def _trimmed(
+    motion: HumanMotion, targets: Targets, solution: Solution, window: slice
+) -> tuple[HumanMotion, Targets, Solution]:
+    """The frames of `window` of all three."""
+    first, last = float(motion.time[window.start]), float(motion.time[window.stop - 1])
+    tasks = tuple(
+        replace(
+            task,
+            value=task.value[window],
+            feed_forward=None if task.feed_forward is None else task.feed_forward[window],
+            weight=task.weight[window],
+        )
+        for task in targets.tasks
+    )
+    base = solution.base_orientation
+    part = replace(
+        solution,
+        joints=solution.joints[window],
+        base_orientation=None if base is None else base[window],
+        status=solution.status[window],
+        iterations=solution.iterations[window],
+    )
+    return timebase.cut(motion, first, last), replace(targets, time=targets.time[window], tasks=tasks), part
 
 
 def _solve(
@@ -162,12 +203,13 @@ def _smoothed(time_s: Array, solution: Solution, window_s: float, model: RobotMo
 
     joints = timebase.smooth(time_s, solution.joints, window_s)
     rows = coupled_rows(model)
-    inside = (joints >= model.lower).all() and (joints <= model.upper).all()
+    inside = (joints >= model.lower - 1e-12).all() and (joints <= model.upper + 1e-12).all()
     if rows is not None:
         value = joints @ rows[0].T
         inside = inside and (value >= rows[1]).all() and (value <= rows[2]).all()
     if not inside:
-        joints = timebase.smooth(time_s, solution.joints, window_s, ends="hold").clip(model.lower, model.upper)
+        joints = timebase.smooth(time_s, solution.joints, window_s, ends="hold")
+    joints = joints.clip(model.lower, model.upper)
     base = solution.base_orientation
     turned = None if base is None else rotations.normalize(timebase.smooth(time_s, base, window_s))
     return replace(solution, joints=joints, base_orientation=turned)

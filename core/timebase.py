@@ -44,8 +44,8 @@ def cut(motion: HumanMotion, start: float | None, end: float | None) -> HumanMot
     )
 
 
-def resample(motion: HumanMotion, rate_hz: float) -> HumanMotion:
-    """The motion at `rate_hz`, from its first frame on, never beyond its last.
+def resample(motion: HumanMotion, rate_hz: float, anchor_s: float | None = None) -> HumanMotion:
+    """The motion at `rate_hz`, never beyond its first and last frame; one frame falls on `anchor_s` (its first when None).
 
     Positions and angular velocities linearly, orientations along the shortest arc, contacts from the nearest frame.
     Raises `UsageError` for a rate that is not positive and finite.
@@ -56,8 +56,9 @@ def resample(motion: HumanMotion, rate_hz: float) -> HumanMotion:
     steps = float(t[-1] - t[0]) * rate_hz
     if steps >= 50_000_000:
         raise UsageError(f"rate {rate_hz:g} Hz gives {steps:.3g} frames; expected at most 50 million")
-    count = int(steps + 1e-6) + 1
-    new = np.minimum(t[0] + np.arange(count) / rate_hz, t[-1])
+    anchor = t[0] if anchor_s is None else anchor_s
+    before, after = int((anchor - t[0]) * rate_hz + 1e-6), int((t[-1] - anchor) * rate_hz + 1e-6)
+    new = np.clip(anchor + np.arange(-before, after + 1) / rate_hz, t[0], t[-1])
     if len(new) == len(t) and np.allclose(new, t, rtol=0, atol=1e-9):
         return motion
     if len(t) == 1:
