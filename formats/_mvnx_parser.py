@@ -1,0 +1,324 @@
+"""An MVNX document as raw numbers, streamed: XML events in, one array for each wanted field out, nothing interpreted yet.
+
+expat calls back for every tag; characters are asked for only inside a wanted field, and become numbers for a whole chunk of
+frames at once. Local names count, prefixes and namespaces do not. Nothing is fetched, no entity is expanded, no schema is asked
+(the published one rejects real files).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import BinaryIO
+from xml.parsers import expat
+
+import numpy as np
+from numpy.typing import NDArray
+from retarget.core.errors import FormatError
+from retarget.core.types import Array
+from retarget.formats._byte_chunks import read_chunks
+from retarget.formats._mvnx_header import MAX_DEPTH, HeaderReader, MvnxHeader, local_name
+from retarget.formats._number_text import RowError, parse_rows
+
+REFERENCE_FRAMES = ("npose", "identity")
+"""Frame types that hold the orientations in which a version's segment frames show the T-pose."""
+
+_MAX_TOKEN_BYTES = 16 << 20
+_MAX_INDEX = 10**12
+_GROW_BYTES = 8 << 20
+
+
+@dataclass(frozen=True)
+class MvnxRecording:
+    """A document's content. T normal frames, S segments as labelled in the header.
+
+    index: (T,) the frames' own numbers, strictly increasing. indexed: False when the file has none and they were counted.
+    values: field → (T, numbers per frame), as written, NaN rows where a frame lacks the field; only fields that were found, of
+    "orientation" (4 S), "position" (3 S), "angularVelocity" (3 S), "footContacts" (one for each defined contact).
+    references: frame type → (S, 4) orientations, of `REFERENCE_FRAMES`.
+    fields: names of all fields of normal frames, read or not. sha256: of the stream's bytes.
+    """
+
+    header: MvnxHeader
+    index: NDArray[np.int64]
+    indexed: bool
+    values: Mapping[str, Array]
+    references: Mapping[str, Array]
+    fields: tuple[str, ...]
+    sha256: str
+
+
+def parse_mvnx(stream: BinaryIO, name: str) -> MvnxRecording:
+    """Read a document from `stream`, which may be gzip. `name` is what messages call it.
+
+    Raises `FormatError`, with the line where there is one.
+    """
+    digest = hashlib.sha256()
+    parser = _Parser(name)
+    for chunk in read_chunks(stream, name, digest):
+        parser.feed(chunk)
+    return parser.finish(digest.hexdigest())
+
+
+class _Column:
+    """One field's values over all frames: texts of the current chunk, and the array that they go to."""
+
+    def __init__(self, field: str, width: int, expected: str) -> None:
+        self.field, self.width, self.expected = field, width, expected
+        self.values = np.empty((0, width))
+        self.last = -1  # newest frame that has the field
+        self.texts: list[str] = []  # one for each frame of `frames`, the last one perhaps in several pieces so far
+        self.frames: list[int] = []
+        self.lines: list[int] = []
+        self.add_text = self.texts.append
+
+    def end(self) -> None:
+        """The field that was begun last is complete."""
+        if len(self.texts) != len(self.frames):
+            first = len(self.frames) - 1
+            self.texts[first:] = ["".join(self.texts[first:])]
+
+    def convert(self, frames: int, *, open_field: bool) -> None:
+        """Turn the texts, except that of a field still open, into rows of the array; `frames` have begun so far.
+
+        Raises `RowError`.
+        """
+        count = len(self.frames) - open_field
+        if not count:
+            return
+        rows = parse_rows(self.texts[:count], self.width)
+        self._grow(frames)
+        first, last = self.frames[0], self.frames[count - 1]
+        self.values[slice(first, last + 1) if last - first + 1 == count else self.frames[:count]] = rows
+        del self.texts[:count], self.frames[:count], self.lines[:count]
+
+    def finish(self, frames: int) -> Array:
+        """The array, with exactly `frames` rows."""
+        self._grow(frames)
+        self.values.resize((frames, self.width), refcheck=False)
+        return self.values
+
+    def _grow(self, frames: int) -> None:
+        have = len(self.values)
+        if frames > have:
+            # In place, and by bounded steps: a list of blocks would need twice the memory at the end.
+            step = min(have // 4, _GROW_BYTES // (8 * max(self.width, 1)))
+            self.values.resize((max(frames, have + step), self.width), refcheck=False)
+            self.values[have:] = np.nan
+
+
+class _Parser:
+    """The events of one document. Outside `<frames>` they go to a `HeaderReader`, inside to the columns here."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.expat = expat.ParserCreate()
+        self.expat.buffer_text = False
+        self.expat.StartElementHandler = self._start_in_header
+        self.expat.EndElementHandler = self._end_in_header
+        self.expat.EntityDeclHandler = self._refuse_entity
+        self.expat.SkippedEntityHandler = self._refuse_entity
+        self.head = HeaderReader(self.expat, self._error)
+        self.bytes_fed = 0
+
+        self.wanted: dict[str, dict[str, _Column]] = {}  # frame type → local name of a field → its column
+        self.met: dict[str, dict[str, _Column | None]] = {}  # the same by qualified name, as met so far; None = skip
+        self.frame_count: dict[str, int] = {}  # frames begun, by type
+        self.index = array("q")  # of normal frames
+        self.indexed = True
+        self.whole_frames = 0  # normal ones
+
+        self.level = 0  # 0 in <frames>, 1 in <frame>, 2 in a field
+        self.frame_type = ""
+        self.columns: dict[str, _Column | None] | None = (
+            None  # those of `met` for the current frame; None = skip the frame
+        )
+        self.column: _Column | None = None  # of the field that is open
+
+    def feed(self, chunk: bytes) -> None:
+        """Take the next bytes of the document."""
+        self._parse(chunk, final=False)
+        self._convert_all()
+        self.bytes_fed += len(chunk)
+        pending = self.bytes_fed - self.expat.CurrentByteIndex
+        pending += sum(map(len, self.column.texts if self.column else self.head.text))
+        if pending > _MAX_TOKEN_BYTES:
+            raise self._error(f"a tag or value longer than {_MAX_TOKEN_BYTES >> 20} MB", "an MVNX document")
+
+    def finish(self, sha256: str) -> MvnxRecording:
+        """The recording, after the last chunk."""
+        if not self.bytes_fed:
+            raise FormatError(self.name, "the file is empty", expected="an MVNX document")
+        self._parse(b"", final=True)
+        self._convert_all()
+        if not self.wanted:
+            raise FormatError(self.name, "no <subject> with <frames>", expected="an MVNX recording")
+        if not self.index:
+            found = ", ".join(f"{count} {kind or 'without type'}" for kind, count in self.frame_count.items())
+            raise FormatError(
+                self.name, "no frame of type 'normal'", expected=f"a motion; found frames: {found or 'none'}"
+            )
+        normal = self.wanted["normal"].values()
+        return MvnxRecording(
+            header=self.head.header,
+            index=np.array(self.index, np.int64),
+            indexed=self.indexed,
+            values={column.field: column.finish(len(self.index)) for column in normal if column.last >= 0},
+            references={
+                kind: self.wanted[kind]["orientation"].finish(1).reshape(-1, 4)
+                for kind in REFERENCE_FRAMES
+                if kind in self.frame_count
+            },
+            fields=tuple(dict.fromkeys(map(local_name, self.met["normal"]))),
+            sha256=sha256,
+        )
+
+    def _parse(self, data: bytes, *, final: bool) -> None:
+        try:
+            self.expat.Parse(data, final)
+        except expat.ExpatError as error:
+            reason = expat.ErrorString(error.code)
+            if not self.head.root_seen:
+                problem = f"not XML ({reason})"
+            elif final:
+                problem = f"the document ends early, after {self.whole_frames} whole frames"
+            else:
+                problem = f"broken XML ({reason}) after {self.whole_frames} whole frames"
+            raise FormatError(self.name, problem, place=f"line {error.lineno}", expected="an MVNX document") from None
+        except (LookupError, ValueError) as error:
+            # pyexpat lets Python's own exception through when it can't make a decoder; all others are ours to see.
+            if self.expat.ErrorCode != expat.errors.codes[expat.errors.XML_ERROR_UNKNOWN_ENCODING]:
+                raise
+            raise FormatError(self.name, f"unknown encoding ({error})", place="line 1", expected="UTF-8") from None
+
+    def _convert_all(self) -> None:
+        for kind, columns in self.wanted.items():
+            for column in columns.values():
+                try:
+                    column.convert(self.frame_count.get(kind, 0), open_field=column is self.column)
+                except RowError as error:
+                    place = f"line {column.lines[error.row]}, {self._frame_name(kind, column.frames[error.row])}"
+                    problem = f"{error.problem} in <{column.field}>"
+                    raise FormatError(self.name, problem, place=place, expected=column.expected) from None
+
+    def _error(self, problem: str, expected: str) -> FormatError:
+        return FormatError(self.name, problem, place=f"line {self.expat.CurrentLineNumber}", expected=expected)
+
+    def _frame_error(self, problem: str, expected: str) -> FormatError:
+        frame = self._frame_name(self.frame_type, self.frame_count[self.frame_type] - 1)
+        place = f"line {self.expat.CurrentLineNumber}, {frame}"
+        return FormatError(self.name, problem, place=place, expected=expected)
+
+    def _frame_name(self, kind: str, frame: int) -> str:
+        return f"frame {self.index[frame]}" if kind == "normal" else f"{kind} frame"
+
+    def _refuse_entity(self, entity: str, *_: object) -> None:
+        raise self._error(f"entity '{entity[:40]}'", "no entities: they are neither expanded nor fetched")
+
+    # Outside <frames>.
+
+    def _start_in_header(self, qualified: str, attributes: dict[str, str]) -> None:
+        if self.head.start(qualified, attributes):
+            self._start_frames(self.head.header)
+            self.expat.StartElementHandler = self._start_in_frames
+            self.expat.EndElementHandler = self._end_in_frames
+
+    def _end_in_header(self, _: str) -> None:
+        self.head.end()
+
+    def _start_frames(self, header: MvnxHeader) -> None:
+        def segment_values(field: str, width: int) -> _Column:
+            count = len(header.labels)
+            return _Column(field, width * count, f"{width * count} values, {width} for each of {count} segments")
+
+        normal = [segment_values("orientation", 4), segment_values("position", 3), segment_values("angularVelocity", 3)]
+        if contacts := len(header.contacts):
+            normal.append(_Column("footContacts", contacts, f"{contacts} values, one a contactDefinition"))
+        self.wanted = {kind: {"orientation": segment_values("orientation", 4)} for kind in REFERENCE_FRAMES}
+        self.wanted["normal"] = {column.field: column for column in normal}
+        self.met = {kind: {} for kind in self.wanted}
+
+    # Inside <frames>. The first two run for every tag of the file, a hundred thousand times a minute of recording: most tags
+    # must leave them after two comparisons.
+
+    def _start_in_frames(self, qualified: str, attributes: dict[str, str]) -> None:
+        level = self.level = self.level + 1
+        if level == 2:
+            if self.columns is not None:
+                try:
+                    column = self.columns[qualified]
+                except KeyError:
+                    column = self.columns[qualified] = self.wanted[self.frame_type].get(local_name(qualified))
+                if column is not None:
+                    self._start_field(column)
+        elif level == 1:
+            self._start_frame(qualified, attributes)
+        elif self.column is not None:
+            raise self._frame_error(f"element <{qualified[:40]}> inside <{self.column.field}>", "numbers only")
+        elif level > MAX_DEPTH:
+            raise self._error(f"elements nested more than {MAX_DEPTH} deep", "an MVNX document")
+
+    def _end_in_frames(self, _: str) -> None:
+        level = self.level
+        self.level = level - 1
+        if level == 2:
+            if self.column is not None:
+                self.expat.CharacterDataHandler = None
+                self.column.end()
+                self.column = None
+        elif level == 1:
+            if self.columns is not None:
+                self._end_frame(self.wanted[self.frame_type]["orientation"])
+        elif level == 0:
+            self.level = 0
+            self.expat.StartElementHandler = self._start_in_header
+            self.expat.EndElementHandler = self._end_in_header
+            self.head.end()
+
+    def _start_frame(self, qualified: str, attributes: Mapping[str, str]) -> None:
+        self.columns = None
+        if local_name(qualified) != "frame":
+            return
+        self.frame_type = kind = attributes.get("type", "")[:40]
+        self.frame_count[kind] = self.frame_count.get(kind, 0) + 1
+        self.columns = self.met.get(kind)
+        if kind == "normal":
+            self.index.append(self._frame_index(attributes.get("index")))
+        elif self.columns is not None and self.frame_count[kind] > 1:
+            raise self._error(f"a second frame of type '{kind}'", "one")
+
+    def _frame_index(self, text: str | None) -> int:
+        if not self.index:
+            self.indexed = text is not None
+        if (text is not None) != self.indexed:
+            raise self._error(
+                f"a frame {'without' if text is None else 'with'} index", "all frames with index, or none"
+            )
+        if text is None:
+            return len(self.index)
+        try:
+            index = int(text)
+        except ValueError:
+            raise self._error(f"frame index {text[:40]!r}", "a whole number") from None
+        if abs(index) > _MAX_INDEX:
+            raise self._error(f"frame index {text[:40]}", f"at most {_MAX_INDEX:g}")
+        if self.index and index <= self.index[-1]:
+            raise self._error(f"frame index {index} after {self.index[-1]}", "increasing numbers")
+        return index
+
+    def _start_field(self, column: _Column) -> None:
+        frame = self.frame_count[self.frame_type] - 1
+        if column.last == frame:
+            raise self._frame_error(f"a second <{column.field}>", "one")
+        column.last = frame
+        column.frames.append(frame)
+        column.lines.append(self.expat.CurrentLineNumber)
+        self.column = column
+        self.expat.CharacterDataHandler = column.add_text
+
+    def _end_frame(self, orientation: _Column) -> None:
+        if orientation.last != self.frame_count[self.frame_type] - 1:
+            raise self._frame_error("no <orientation>", orientation.expected)
+        self.whole_frames += self.frame_type == "normal"
