@@ -249,7 +249,7 @@ class TestFillGaps:
             timebase.fill_gaps(self.time, values, longest_s=0.1)
 
     def test_no_good_row_at_all(self) -> None:
-        with pytest.raises(MotionError, match="^no frame holds finite values$"):
+        with pytest.raises(MotionError, match=r"^no frame holds finite values$"):
             timebase.fill_gaps(self.time, np.full((11, 4), np.nan), longest_s=99, quaternions=True)
 
 
