@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from retarget.core.errors import FormatError, UsageError
-from retarget.core.types import HumanMotion, InvalidDataError, JointTrajectory
+from retarget.core.errors import FormatError, InvalidDataError, UsageError
+from retarget.core.types import HumanMotion, JointTrajectory
 from retarget.formats._describe import motion_facts, trajectory_facts
 from retarget.formats._input import Input, opened
 from retarget.formats._output import write_trajectory, write_trajectory_stream

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from retarget.core import rotations
-from retarget.core.errors import FormatError, RetargetError
-from retarget.core.types import Array, InvalidDataError, JointTrajectory
+from retarget.core.errors import FormatError, InvalidDataError, RetargetError
+from retarget.core.types import Array, JointTrajectory
 
 SCHEMA = "retarget.trajectory/1"
 """Name and version of what our files hold; a reader refuses another major version instead of guessing."""
@@ -88,7 +88,7 @@ def unit_quaternions(name: str, place: str, quaternion: ArrayLike) -> Array:
     """
     q = np.asarray(quaternion, float)
     with np.errstate(over="ignore", invalid="ignore"):
-        off = np.abs(np.einsum("...i,...i->...", q, q) - 1.0)
+        off = np.abs(np.einsum("ti,ti->t", q, q) - 1.0)
     if not (off <= 2e-2).all():
         frame = int(np.argmax(~(off <= 2e-2)))
         raise FormatError(

@@ -24,7 +24,6 @@ from itertools import chain
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from retarget.core.errors import FormatError, nearest
 from retarget.core.types import Array, JointTrajectory
 from retarget.formats import _trajectory
@@ -44,7 +43,7 @@ def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, style: str =
         _write_lines(stream, _unitree(trajectory))
         return
     header = ["time_s"]
-    columns: list[NDArray[np.float64]] = [trajectory.time[:, None]]
+    columns: list[Array] = [trajectory.time[:, None]]
     for names, values in (
         (_POSITION, trajectory.base_position),
         (_ORIENTATION, trajectory.base_orientation),
@@ -58,8 +57,9 @@ def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, style: str =
     header += [f"dq_{joint}_rad_s" for joint in trajectory.joint_names]
     columns += [trajectory.position, trajectory.velocity]
     line = io.StringIO()
-    csv.writer(line, lineterminator="\n").writerow([*header, "status"])
-    stream.write(line.getvalue().encode())
+    # The module quotes a line feed or carriage return inside a name only where its line terminator has it too.
+    csv.writer(line, lineterminator="\r\n").writerow([*header, "status"])
+    stream.write(line.getvalue().removesuffix("\r\n").encode() + b"\n")
     _write_lines(stream, columns, trajectory.status.tolist())
 
 
@@ -118,7 +118,7 @@ def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
         base_orientation=None if orientation is None else _trajectory.unit_quaternions(name, "base_qw …", orientation),
         base_linear_velocity=linear,
         base_angular_velocity=angular,
-        status=np.zeros(len(time), np.int8) if status is None else _status(name, status[:, 0]),
+        status=np.zeros(0, np.int8) if status is None else status[:, 0],
     )
 
 
@@ -175,16 +175,6 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _status(name: str, values: Array) -> NDArray[np.int8]:
-    status = values.astype(np.int8)
-    if not np.array_equal(status, values):
-        frame = int(np.argmax(status != values))
-        raise FormatError(
-            name, f"found {values[frame]}", place=f"status, frame {frame}", expected="a whole number in -128…127"
-        )
-    return status
-
-
 class _Table:
     """Columns by name, and which of them were asked for."""
 
@@ -196,7 +186,7 @@ class _Table:
     def required(self, columns: Sequence[str]) -> Array:
         """Those columns (T, k); `FormatError` for a missing one."""
         if missing := [column for column in columns if column not in self.index]:
-            near = nearest(missing[0], [column for column in self.index if column not in self.used])
+            near = nearest(missing[0], [column for column in self.unused() if column not in columns])
             hint = f" (is it '{near[0]}'?)" if near else ""
             raise FormatError(self.name, f"no column '{missing[0]}'{hint}", place="line 1")
         self.used |= set(columns)

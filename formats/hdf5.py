@@ -110,7 +110,7 @@ def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
             position=position,
             velocity=_trajectory.differentiate(time, position) if velocity is None else velocity,
             **base,
-            status=np.zeros(len(time), np.int8) if status is None else status.astype(np.int8),
+            status=np.zeros(0, np.int8) if status is None else status,
             base_frame=reader.text("base_frame", "base_link"),
             robot=reader.text("robot", ""),
             provenance=_trajectory.parse_provenance(name, reader.text("source", "")),

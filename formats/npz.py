@@ -105,9 +105,7 @@ def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
         base_orientation=None if fixed else _trajectory.unit_quaternions(name, "body_quat_w", body_orientation[:, 0]),
         base_linear_velocity=linear[:, 0] if known[0] else None,
         base_angular_velocity=angular[:, 0] if known[1] else None,
-        status=_array(name, arrays, "status", 1).astype(np.int8)
-        if "status" in arrays
-        else np.zeros(len(position), np.int8),
+        status=_array(name, arrays, "status", 1) if "status" in arrays else np.zeros(0, np.int8),
         base_frame=_texts(name, "body_names", body_names[:1])[0] if len(body_names) else "base_link",
         robot=_text(name, arrays, "robot", ""),
         provenance=_trajectory.parse_provenance(name, _text(name, arrays, "provenance", "")),
