@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from retarget.core import rotations
-from retarget.core.errors import MotionError, ProfileError, nearest
+from retarget.core.errors import MotionError, ProfileError, UnknownNameError, nearest
 from retarget.core.limb_geometry import Limb, find_limbs
 from retarget.core.profile import CoupledJoints, RobotProfile
-from retarget.core.robot_urdf import find_urdf, prepared_urdf
+from retarget.core.robot_urdf import prepared_urdf, read_urdf
 from retarget.core.types import Array, HumanMotion
 
 
@@ -22,7 +22,7 @@ class RobotModel:
     """A robot ready for retargeting. n joints in the model's own order; positions rad (m for sliding joints).
 
     pin_model: pinocchio model, free-flyer root when the base is floating; every joint has one degree of freedom.
-    lower, upper, velocity_limit: (n,) rad, rad, rad/s. reference_posture: (n,), inside the limits and the coupled rows.
+    lower, upper, velocity_limit: (n,) rad, rad, rad/s. reference_posture: (n,), inside the limits.
     limbs: limb segment → its geometry. urdf: the text the model was built from, limits included.
     """
 
@@ -96,10 +96,10 @@ def build(profile: RobotProfile, motion: HumanMotion | None = None) -> RobotMode
 
         if motion is None:
             raise MotionError(f"robot '{profile.name}' is built from a recording's segments; give a recording")
-        text, profile = human_urdf(motion), person_profile(profile, motion)
+        profile = person_profile(profile, motion)
+        urdf = prepared_urdf(profile, human_urdf(motion))
     else:
-        text = find_urdf(profile).read_text(encoding="utf-8")
-    urdf = prepared_urdf(profile, text)
+        urdf = prepared_urdf(profile, read_urdf(profile))
     arguments = (pin.JointModelFreeFlyer(),) if profile.base == "floating" else ()
     try:
         model = pin.buildModelFromXML(urdf, *arguments)
@@ -111,6 +111,8 @@ def build(profile: RobotProfile, motion: HumanMotion | None = None) -> RobotMode
     names = tuple(str(model.names[i]) for i in range(first, model.njoints))
     _check_names(profile, model, names)
     n = len(names)
+    if n == 0:
+        raise ProfileError(profile.origin or profile.name, "the model has no joint that moves", place="[model]")
     lower, upper = np.array(model.lowerPositionLimit[-n:]), np.array(model.upperPositionLimit[-n:])
     reference = np.clip([profile.reference_posture.get(name, 0.0) for name in names], lower, upper)
     root = next(str(f.name) for f in model.frames if str(f.type) == "BODY")
@@ -138,8 +140,14 @@ def _with_limbs(model: RobotModel) -> RobotModel:
 
 
 def _check_names(profile: RobotProfile, model: Any, joints: tuple[str, ...]) -> None:
+    from retarget.core.mapping import names as mapping_names  # mappings know robot models, not the other way round
+
     links = [str(frame.name) for frame in model.frames if str(frame.type) == "BODY"]
     wanted = [(link, f"[links] {segment}") for segment, link in profile.links.items()]
+    for unknown in sorted(set(profile.mappings) - set(mapping_names())):
+        raise UnknownNameError(
+            "mapping", unknown, mapping_names(), where=f"{profile.origin or profile.name}, [mapping]"
+        )
     for mapping, parameters in profile.mappings.items():
         wanted += [(link, f"[mapping.{mapping}.links] {segment}") for segment, link in parameters.links.items()]
     wanted += [(link, f"[limb_ends] {segment}") for segment, link in profile.limb_ends.items()]

@@ -13,6 +13,7 @@ from retarget.core.profile import RobotProfile
 from retarget.robots.schema import parse_profile
 
 MAX_EXTENDS = 8
+MODEL_SOURCES = ("package", "path", "file", "human")
 
 
 def _paths() -> dict[str, Path]:
@@ -54,7 +55,7 @@ def _find(name_or_path: str, *, where: str, beside: Path | None = None) -> Path:
 def _read_merged(path: Path, *, depth: int) -> dict[str, Any]:
     """The file's tables, laid over those of the profile that it `extends`."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except tomllib.TOMLDecodeError as error:
         raise ProfileError(path, f"not TOML: {error}") from None
     except UnicodeDecodeError:
@@ -66,13 +67,16 @@ def _read_merged(path: Path, *, depth: int) -> dict[str, Any]:
         _make_model_file_absolute(table, path)
         return table
     if not isinstance(parent, str):
-        raise ProfileError(
-            path, f"found {parent!r}", place="key extends", expected="a robot's name or a TOML path"
-        )
+        raise ProfileError(path, f"found {parent!r}", place="key extends", expected="a robot's name or a TOML path")
     if depth >= MAX_EXTENDS:
         raise ProfileError(path, f"extends more than {MAX_EXTENDS} profiles deep", place="key extends")
     base = _read_merged(_find(parent, where=f"{path}, key extends", beside=path.parent), depth=depth + 1)
+    base.pop("name", None)  # a variant is called by its own file unless it says otherwise
     _make_model_file_absolute(table, path)
+    mine, theirs = table.get("model"), base.get("model")
+    if isinstance(mine, dict) and isinstance(theirs, dict) and any(key in mine for key in MODEL_SOURCES):
+        # A variant with a model of its own must not inherit where the other one comes from.
+        base["model"] = {key: value for key, value in theirs.items() if key not in MODEL_SOURCES}
     return _merge(base, table)
 
 

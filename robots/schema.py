@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, TypeGuard
 
 import numpy as np
 from retarget.core.errors import ProfileError, nearest
 from retarget.core.profile import (
+    Array,
     CoupledJoints,
     Foot,
     Hand,
@@ -22,6 +23,8 @@ from retarget.core.segments import SEGMENTS
 
 Table = dict[str, Any]
 SIDES = ("Left", "Right")
+LARGEST_NUMBER = 1e12
+"""No length, angle or weight is larger; TOML would also take inf, nan and integers of any size."""
 
 
 def parse_profile(table: Table, path: Path) -> RobotProfile:
@@ -85,7 +88,7 @@ class _Reader:
     def __init__(self, path: Path, place: str, table: Table) -> None:
         self.path, self.place, self.table_ = path, place, table
 
-    def fail(self, key: str, found: object, expected: str) -> None:
+    def fail(self, key: str, found: object, expected: str) -> NoReturn:
         place = f"{self.place}.{key}" if self.place else key
         raise ProfileError(self.path, f"found {found!r}", place=f"key {place}", expected=expected)
 
@@ -115,7 +118,7 @@ class _Reader:
         value = self.table_.get(key, default)
         if not isinstance(value, str):
             self.fail(key, value, "text")
-        return str(value)
+        return value
 
     def texts(self, key: str) -> list[str]:
         value = self.table_.get(key, [])
@@ -125,9 +128,9 @@ class _Reader:
 
     def number(self, key: str) -> float:
         value = self.table_.get(key)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        if not _is_number(value):
             self.fail(key, value, "a finite number")
-        return float(value)  # type: ignore[arg-type]  # narrowed by fail(), which always raises
+        return float(value)
 
     def optional(self, key: str) -> float | None:
         return self.number(key) if key in self.table_ else None
@@ -138,25 +141,25 @@ class _Reader:
             self.fail(key, value, "a number above 0")
         return value
 
-    def numbers(
-        self, key: str, count: int | None = None, default: tuple[float, ...] | None = None
-    ) -> list[float]:
-        value = self.table_.get(key, list(default) if default is not None else None)
-        good = isinstance(value, list) and all(isinstance(v, int | float) and np.isfinite(v) for v in value)
-        if not good or (count is not None and len(value) != count):  # type: ignore[arg-type]  # a list where good
-            self.fail(key, value, f"a list of {count or 'finite'} numbers")
-        return [float(v) for v in value or []]
+    def numbers(self, key: str, count: int, default: Sequence[float] | None = None) -> list[float]:
+        value = self.table_.get(key, None if default is None else list(default))
+        if not isinstance(value, list) or len(value) != count or not all(_is_number(v) for v in value):
+            self.fail(key, value, f"a list of {count} finite numbers")
+        return [float(v) for v in value]
 
-    def matrix(self, key: str, columns: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    def matrix(self, key: str, columns: int) -> Array:
         value = self.table_.get(key)
-        good = (
-            isinstance(value, list)
-            and value
-            and all(isinstance(row, list) and len(row) == columns for row in value)
-        )
-        if not good or not np.isfinite(np.asarray(value, float)).all():
-            self.fail(key, value, f"rows of {columns} numbers")
-        return np.asarray(value, float)
+        if not isinstance(value, list) or not value or not all(_is_row(row, columns) for row in value):
+            self.fail(key, value, f"rows of {columns} finite numbers")
+        return np.array(value, float)
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST_NUMBER
+
+
+def _is_row(value: object, columns: int) -> bool:
+    return isinstance(value, list) and len(value) == columns and all(_is_number(v) for v in value)
 
 
 def _model_source(model: _Reader) -> ModelSource:
@@ -164,6 +167,8 @@ def _model_source(model: _Reader) -> ModelSource:
     if len(given) != 1:
         model.fail("package", given, "exactly one of package (with path), file, human")
     if given == ["human"]:
+        if model.table_["human"] is not True:
+            model.fail("human", model.table_["human"], "true")
         return ModelSource("human")
     if given == ["file"]:
         return ModelSource("file", path=model.text("file"))

@@ -1,0 +1,233 @@
+"""Does a robot profile fit its model? Every constant tested by forward kinematics in the T-pose that the solver itself finds.
+
+A person in T-pose (every segment upright, facing +X) is retargeted with `limb_plane` and the dynamical solver. There every limb must
+point as the person's, or the profile must say by how much it can't and which joint limit forbids it (`tpose_exceptions`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from retarget.core import rotations
+from retarget.core.kinematics import link_poses
+from retarget.core.robot_model import RobotModel
+from retarget.core.segments import LIMB_END, SEGMENTS
+from retarget.core.types import Array, Check, HumanMotion, Targets, ValidationReport
+
+LIMB_LIMIT_DEG = 1.0
+ORIENTATION_LIMIT_DEG = 5.0
+"""For segments that are no limbs: head, chest, pelvis, hands, feet."""
+EXCEPTION_MARGIN_DEG = 0.1
+"""How near the error must be to what a `tpose_exceptions` entry states."""
+SOLE_LIMIT_MM = 2.0
+SYMMETRY_LIMIT_MM = 1.0
+FASTEST_JOINT_RAD_S = 60.0
+"""No humanoid's joint is faster: a higher figure is a placeholder that nobody replaced."""
+AT_LIMIT_RAD = 1e-4
+FRAMES = 3
+
+
+def check(model: RobotModel) -> ValidationReport:
+    """The report on `model` and its profile. Links and joints that do not exist never get here: building the model raises for these.
+
+    series["tpose_rad"]: (n,) the solved T-pose. Raises `SolverError` when no T-pose can be solved at all.
+    """
+    motion = tpose(model)
+    targets, joints, base = _solved(model, motion)
+    checks = [*_model_checks(model), *_reference_checks(model)]
+    checks += _tpose_checks(model, motion, targets, joints, base)
+    checks += _foot_checks(model, joints, base)
+    checks += _symmetry_checks(model)
+    checks += _hand_checks(model)
+    return ValidationReport(model.profile.name, tuple(checks), {"tpose_rad": joints})
+
+
+def tpose(model: RobotModel) -> HumanMotion:
+    """A person standing in T-pose, facing +X; with the model's own bones where the robot is the person."""
+    own = model.limbs if model.profile.model.kind == "human" else {}
+    orientation = np.zeros((FRAMES, len(SEGMENTS), 4))
+    orientation[..., 0] = 1.0
+    return HumanMotion(
+        time=np.arange(FRAMES) / 60.0,
+        segments=SEGMENTS,
+        orientation=orientation,
+        position=np.full((FRAMES, len(SEGMENTS), 3), np.nan),
+        joint_offsets={LIMB_END[segment]: limb.distal - limb.proximal for segment, limb in own.items()},
+    )
+
+
+def _solved(model: RobotModel, motion: HumanMotion) -> tuple[Targets, Array, Array | None]:
+    """Targets, joints (n,) rad and base orientation (4,) wxyz or None of the last frame."""
+    from retarget.core.mapping import limb_plane
+    from retarget.core.solve.dynamical import DynamicalOptions, solve
+    from retarget.core.solve.problem import orientation_problem
+
+    targets = limb_plane.targets(motion, model)
+    solution = solve(orientation_problem(targets, model, free_base=model.base_is_floating), DynamicalOptions())
+    base = None if solution.base_orientation is None else solution.base_orientation[-1]
+    return targets, solution.joints[-1], base
+
+
+def _model_checks(model: RobotModel) -> list[Check]:
+    span, speed = model.upper - model.lower, model.velocity_limit
+    narrowest, fastest = int(np.argmin(span)), int(np.argmax(speed))
+    return [
+        _above("degrees of freedom", float(len(model.joint_names)), "", 0.0),
+        _above("mass", model.mass_kg, "kg", 0.0),
+        _above("smallest joint range", float(span[narrowest]), "rad", 0.0, model.joint_names[narrowest]),
+        _below("largest joint speed", float(speed[fastest]), "rad/s", FASTEST_JOINT_RAD_S, model.joint_names[fastest]),
+    ]
+
+
+def _reference_checks(model: RobotModel) -> list[Check]:
+    """The posture as the profile states it: the model's own copy is already clipped into the limits."""
+    stated = [(model.joint_index(name), value) for name, value in model.profile.reference_posture.items()]
+    outside = [max(model.lower[i] - value, value - model.upper[i], 0.0) for i, value in stated]
+    worst = int(np.argmax(outside)) if stated else 0
+    name = model.joint_names[stated[worst][0]] if stated else ""
+    checks = [_below("reference posture outside the joint limits", max(outside, default=0.0), "rad", 0.0, name)]
+    if model.coupled:
+        violations = [row for *_, row in _row_slacks(model, model.reference_posture)]
+        worst_row = max(0.0, -min(violations))
+        checks.append(_below("reference posture outside the coupled rows", worst_row, "rad", 0.0))
+    return checks
+
+
+def _row_slacks(model: RobotModel, joints: Array) -> list[tuple[tuple[str, ...], float]]:
+    """(joints with a coefficient in the row, distance to the nearer bound, negative outside) for every coupled row."""
+    slacks = []
+    for coupled in model.coupled:
+        value = coupled.matrix @ joints[[model.joint_index(name) for name in coupled.joints]]
+        for row, slack in zip(coupled.matrix, np.minimum(value - coupled.lower, coupled.upper - value), strict=True):
+            slacks.append((tuple(np.array(coupled.joints)[row != 0]), float(slack)))
+    return slacks
+
+
+def _tpose_checks(
+    model: RobotModel, motion: HumanMotion, targets: Targets, joints: Array, base: Array | None
+) -> list[Check]:
+    errors = tpose_errors(model, motion, targets, joints, base)
+    exceptions = {s: e for s, e in _paired(model, errors).items() if s in errors}
+    checks = []
+    for segment, error in errors.items():
+        name = f"T-pose {segment} {'direction' if segment in model.limbs else 'orientation'}"
+        if segment not in exceptions:
+            limit = LIMB_LIMIT_DEG if segment in model.limbs else ORIENTATION_LIMIT_DEG
+            checks.append(_below(name, error, "deg", limit, _held(model, segment, joints) if error > limit else ""))
+            continue
+        stated = exceptions[segment]
+        held = _held(model, segment, joints)
+        passed = abs(error - stated) <= EXCEPTION_MARGIN_DEG and bool(held)
+        note = f"the profile states {stated:g}°; {held or 'but no joint of its chain is at a limit'}"
+        checks.append(Check(name, error, "deg", stated + EXCEPTION_MARGIN_DEG, passed, note))
+    if not model.limbs:
+        checks.append(Check("T-pose directions", None, "deg", LIMB_LIMIT_DEG, None, "the profile maps no whole limb"))
+    return checks
+
+
+def tpose_errors(
+    model: RobotModel, motion: HumanMotion, targets: Targets, joints: Array, base: Array | None
+) -> dict[str, float]:
+    """Segment → error in degrees at joints (n,): of the bone's direction for limbs, of the whole orientation for all others."""
+    from retarget.core.mapping.limb_plane import bone_direction
+
+    tasks = [task for task in targets.tasks if task.segment]
+    turn = None if base is None else base[None]
+    rotation, _ = link_poses(model, [task.frame for task in tasks], joints[None], turn)
+    achieved = rotations.from_matrix(rotation[0])
+    errors = {}
+    for i, task in enumerate(tasks):
+        limb = model.limbs.get(task.segment)
+        if limb is None:
+            error = rotations.angle(achieved[i], task.value[-1])
+        else:
+            error = rotations.vector_angle(rotation[0, i] @ limb.bone, bone_direction(motion, task.segment)[-1])
+        errors[task.segment] = float(np.degrees(error))
+    return errors
+
+
+def _paired(model: RobotModel, errors: dict[str, float]) -> dict[str, float]:
+    """Segment → the error that the profile states for it, degrees.
+
+    A robot whose sides mirror each other may have two mirrored T-poses that are equally good; if the errors fit the exceptions
+    only with left and right exchanged, all sides are exchanged.
+    """
+    stated = {segment: exception.error_deg for segment, exception in model.profile.tpose_exceptions.items()}
+    mirrored = {_other_side(segment): error for segment, error in stated.items()}
+
+    def misfit(candidate: dict[str, float]) -> float:
+        return sum(abs(errors[segment] - error) for segment, error in candidate.items() if segment in errors)
+
+    return stated if misfit(stated) <= misfit(mirrored) else mirrored
+
+
+def _other_side(segment: str) -> str:
+    if segment.startswith("Left"):
+        return "Right" + segment.removeprefix("Left")
+    return "Left" + segment.removeprefix("Right") if segment.startswith("Right") else segment
+
+
+def _held(model: RobotModel, segment: str, joints: Array) -> str:
+    """Which joints between the base and the segment's link are at a limit or in a coupled row at its bound; "" for none."""
+    joint, _, _ = model.link_in_joint(model.links[segment])
+    chain = []
+    while joint > 0:
+        chain.append(str(model.pin_model.names[joint]))
+        joint = int(model.pin_model.parents[joint])
+    at_limit = []
+    for name in reversed(chain):
+        if name in model.joint_names:
+            i = model.joint_index(name)
+            if min(joints[i] - model.lower[i], model.upper[i] - joints[i]) < AT_LIMIT_RAD:
+                at_limit.append(f"{name} at its limit")
+    for names, slack in _row_slacks(model, joints):
+        if slack < AT_LIMIT_RAD and set(names) & set(chain):
+            at_limit.append(f"coupled row of {', '.join(names)} at its bound")
+    return "; ".join(at_limit)
+
+
+def _foot_checks(model: RobotModel, joints: Array, base: Array | None) -> list[Check]:
+    checks, heights = [], []
+    turn = None if base is None else base[None]
+    for side, foot in model.profile.feet.items():
+        shank = model.limbs.get(f"{side}LowerLeg")
+        links = [foot.link] + ([shank.link] if shank else [])
+        rotation, origin = link_poses(model, links, joints[None], turn)
+        corners = foot.sole @ rotation[0, 0].T + origin[0, 0]
+        heights.append(float(corners[:, 2].mean()))
+        tilt = 1000 * float(np.ptp(corners[:, 2]))
+        checks.append(_below(f"{side} sole out of level in T-pose", tilt, "mm", SOLE_LIMIT_MM))
+        if shank:
+            ankle = rotation[0, 1] @ shank.distal + origin[0, 1]
+            checks.append(_above(f"{side} ankle above its sole", 1000 * float(ankle[2] - heights[-1]), "mm", 0.0))
+    if len(heights) == 2:
+        checks.append(_below("soles at different heights", 1000 * abs(heights[0] - heights[1]), "mm", SOLE_LIMIT_MM))
+    return checks
+
+
+def _symmetry_checks(model: RobotModel) -> list[Check]:
+    checks = []
+    for part in ("UpperArm", "ForeArm", "UpperLeg", "LowerLeg"):
+        pair = [model.limbs.get(f"{side}{part}") for side in ("Left", "Right")]
+        lengths = [float(np.linalg.norm(limb.distal - limb.proximal)) for limb in pair if limb is not None]
+        if len(lengths) == 2:
+            difference = 1000 * abs(lengths[0] - lengths[1])
+            note = f"{lengths[0]:.4f} m and {lengths[1]:.4f} m"
+            checks.append(_below(f"{part} left against right", difference, "mm", SYMMETRY_LIMIT_MM, note))
+    return checks
+
+
+def _hand_checks(model: RobotModel) -> list[Check]:
+    checks = []
+    for side, hand in model.profile.hands.items():
+        fingers, palm = np.array(hand.fingers), np.array(hand.palm)
+        off = max(abs(np.linalg.norm(fingers) - 1), abs(np.linalg.norm(palm) - 1), abs(fingers @ palm))
+        checks.append(_below(f"{side} hand: fingers and palm not unit and perpendicular", float(off), "", 1e-6))
+    return checks
+
+
+def _below(name: str, value: float, unit: str, limit: float, note: str = "") -> Check:
+    return Check(name, value, unit, limit, bool(value <= limit), note)
+
+
+def _above(name: str, value: float, unit: str, limit: float, note: str = "") -> Check:
+    return Check(name, value, unit, limit, bool(value > limit), note)
