@@ -6,10 +6,10 @@ Angles in and out are whatever the caller uses; time is seconds.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
-
 from retarget.core.timebase import minimum_jerk
 from retarget.core.types import Array
 
@@ -79,11 +79,6 @@ def hump(time: ArrayLike, start: float, end: float) -> Array:
     return np.asarray((s * (1 - s)) ** 3)
 
 
-def difference(a: Jet, b: Jet) -> Jet:
-    """a − b, derivative by derivative."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
 def zero(size: int) -> Jet:
     """The jet of `size` numbers at rest at zero."""
     return np.zeros(size), np.zeros(size), np.zeros(size)
@@ -92,6 +87,6 @@ def zero(size: int) -> Jet:
 def keyed(time: Array, keys: Sequence[tuple[float, float]]) -> Array:
     """A number (T,) that rests at each of `keys` (time in s, value) and moves between neighbours with minimum jerk."""
     total = np.full(np.shape(time), keys[0][1], float)
-    for (start, value), (end, following) in zip(keys[:-1], keys[1:], strict=True):
+    for (start, value), (end, following) in pairwise(keys):
         total = total + (following - value) * ramp(time, start, end)
     return total

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-
 from retarget.core import rotations
 from retarget.core.types import Array, BoolArray
 from retarget.samples import curves, legs, person, upper_body
@@ -34,7 +33,7 @@ def _planted_legs(feet: dict[str, Footprint], position: Array, orientation: Arra
     zero = np.zeros(len(position))
     for side, spot in feet.items():
         hip = position + rotations.rotate(orientation, person.JOINT_OFFSETS[f"{side}UpperLeg"])
-        ankle, foot = spot.pose(zero, zero)
+        ankle, foot = spot.pose(zero, zero, zero)
         joints |= legs.rotations_of(legs.solve(hip, orientation, ankle, foot, zero, side), side)
     return joints
 
@@ -252,6 +251,7 @@ class Squat:
                 elbow=np.radians(14.0 + 6.0 * raised),
                 pronation=np.radians(8.0 + 30.0 * raised),
                 wrist=0 * time,
+                deviation=0 * time,
             ).rotations_of(side)
         return position, joints
 

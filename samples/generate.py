@@ -10,12 +10,11 @@ import argparse
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-
 from retarget.core.segments import FOOT_CONTACTS, SEGMENTS
 from retarget.samples import exercises, mvnx_writer, steps
 from retarget.samples.gait import Walk
@@ -45,18 +44,16 @@ def _start_of_reach() -> Recording:
     return record(exercises.Reach(), YAW_DURATION)
 
 
+def _facing(heading_deg: int) -> Recording:
+    return turned(_start_of_reach(), float(np.radians(heading_deg)))
+
+
 SAMPLES: Final[dict[str, Sample]] = {
     "walk": Sample(_walk),
     "walk_v3": Sample(_walk, version=3, foot_contacts=False),
-    "reach": Sample(lambda: record(exercises.Reach(), exercises.REACH_DURATION)),
-    "squat": Sample(lambda: record(exercises.Squat(), exercises.SQUAT_DURATION)),
-} | {
-    f"yaw_{degrees:03d}": Sample(
-        lambda degrees=degrees: turned(_start_of_reach(), float(np.radians(degrees))),  # type: ignore[misc]
-        angular_velocity=False,
-    )
-    for degrees in HEADINGS_DEG
-}
+    "reach": Sample(partial(record, exercises.Reach(), exercises.REACH_DURATION)),
+    "squat": Sample(partial(record, exercises.Squat(), exercises.SQUAT_DURATION)),
+} | {f"yaw_{heading:03d}": Sample(partial(_facing, heading), angular_velocity=False) for heading in HEADINGS_DEG}
 
 
 def golden(sample: Sample, recording: Recording) -> dict[str, Any]:

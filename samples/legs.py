@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-
 from retarget.core import rotations
 from retarget.core.errors import RetargetError
 from retarget.core.types import Array

@@ -14,7 +14,6 @@ from typing import Final, Literal
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-
 from retarget.core import rotations
 from retarget.core.segments import FOOT_CONTACTS, PARENT, SEGMENTS
 from retarget.core.types import Array

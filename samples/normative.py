@@ -18,7 +18,7 @@ HIP_FLEXION_DEG: Final = (20, 20, 18, 15, 11, 7, 3, -1, -5, -8, -10, -9, -4, 4, 
 KNEE_FLEXION_DEG: Final = (5, 11, 17, 19, 18, 15, 12, 9, 7, 8, 12, 21, 35, 51, 61, 62, 55, 41, 23, 9)
 ANKLE_DORSIFLEXION_DEG: Final = (0, -4, -3, 1, 4, 6, 7, 8, 10, 10, 7, -2, -14, -17, -11, -5, -2, 0, 1, 1)
 
-TOE_OFF: Final = 0.61
+TOE_OFF: Final = 0.62
 """End of stance, fraction of the stride."""
 
 hip_flexion_deg = periodic(HIP_FLEXION_DEG)

@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-
 from retarget.core import rotations
 from retarget.core.segments import PARENT, SEGMENTS
 from retarget.core.types import Array

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-
 from retarget.core import rotations
 from retarget.core.types import Array, BoolArray
 from retarget.samples import person
@@ -40,7 +39,7 @@ class Recording:
 
 def record(motion: Motion, duration: float, rate_hz: int = 60) -> Recording:
     """Frames at 0, 1/rate, … up to `duration` s."""
-    time = np.arange(int(round(duration * rate_hz)) + 1) / rate_hz
+    time = np.arange(round(duration * rate_hz) + 1) / rate_hz
     orientation, position = person.forward(*motion.pose(time))
     return Recording(rate_hz, orientation, position, _angular_velocity(motion, time), motion.contacts(time))
 

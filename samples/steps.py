@@ -7,37 +7,44 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-
+from retarget.core.errors import RetargetError
 from retarget.core.timebase import minimum_jerk
 from retarget.core.types import Array
 from retarget.samples import normative, person
 from retarget.samples.curves import ramp, ramp_integral
 from retarget.samples.feet import Footprint
 
-STRIDE: Final = 1.12
-"""Duration of a stride in s (107 steps a minute)."""
-SPEED: Final = 1.10
+STRIDE: Final = 1.14
+"""Duration of a stride in s (105 steps a minute)."""
+SPEED: Final = 1.03
 """m/s, once under way."""
-FLAT: Final = 0.11
-HEEL_OFF: Final = 0.38
-MID: Final = 0.245
-"""Foot flat, heel off and the pelvis above the ankle, as fractions of the stride since heel strike."""
-TOE_OUT: Final = np.radians(6.0)
-STEP_HALF_WIDTH: Final = 0.055
-
+DURATION: Final = 13.2
 START: Final = (1.0, 2.5)
 STOP: Final = (10.5, 12.2)
-"""When the pace rises from standing to walking and falls again, s."""
-DURATION: Final = 13.2
+"""When the pace rises from standing to walking, and falls again, s."""
 TURN_START: Final = 5.6
 TURN_LENGTH: Final = 4.0
 TURN: Final = np.pi / 2
-"""Where on the path the left turn begins, how far it stretches (m), and its angle."""
+"""Where on the path the left turn begins and how far it stretches (m); its angle."""
+
+FLAT: Final = 0.12
+HEEL_OFF: Final = 0.37
+ROLL: Final = 0.54
+"""As fractions of the stride since heel strike: the foot is flat, the heel lifts, the ball lifts and the toes roll over their tips."""
+UNDER_PELVIS: Final = 0.215
+"""When, as a fraction of the stride since heel strike, the pelvis passes over the ankle."""
+TOE_OUT: Final = np.radians(6.0)
+STEP_HALF_WIDTH: Final = 0.055
 
 
 def pace(time: ArrayLike) -> Array:
     """Speed (T,) as a fraction of `SPEED`; also how far every angle of walking is away from standing."""
     return ramp(time, *START) - ramp(time, *STOP)
+
+
+def early_pace(time: ArrayLike) -> Array:
+    """Like `pace` but ahead of it at the start: weight shifts before the first foot lifts."""
+    return ramp(time, START[0] - 0.3, START[0] + 0.6) - ramp(time, *STOP)
 
 
 def distance(time: ArrayLike) -> Array:
@@ -51,7 +58,7 @@ def heading(way: ArrayLike) -> Array:
 
 
 def path(way: ArrayLike) -> Array:
-    """The point (T, 2) m of the path after `way` (T,) m: the integral of its direction."""
+    """The point (T, 2) m of the path after `way` (T,) m: the integral of its direction, by Gauss-Legendre quadrature."""
     s = np.asarray(way, float)
     nodes, weights = np.polynomial.legendre.leggauss(32)
     turning = np.clip(s - TURN_START, 0.0, TURN_LENGTH)[:, None]
@@ -66,7 +73,8 @@ def path(way: ArrayLike) -> Array:
 class Stance:
     """One foot's stay on the floor. Times in s; the first stances have no strike (−inf), the last ones no end (inf).
 
-    clock: the time that counts as the stride's start, from which phases run.
+    clock: where the stride that phases count from begins. strike: the heel lands. flat: the whole sole is down. heel_off: the heel
+    lifts. roll: the ball lifts. toe_off: the toes' tips lift.
     """
 
     side: str
@@ -75,41 +83,44 @@ class Stance:
     strike: float
     flat: float
     heel_off: float
+    roll: float
     toe_off: float
 
+    def phase(self, time: Array) -> Array:
+        """Strides (T,) since this foot's heel strike."""
+        return (time - self.clock) / STRIDE
 
-def plan() -> list[Stance]:
-    """All stances in the order of their clocks, left and right in turn. The right foot takes the first step."""
-    first_strike = START[0] + (normative.TOE_OFF - HEEL_OFF + 1 - normative.TOE_OFF) * STRIDE
-    stances = []
-    for k in range(-2, 100):
-        clock = first_strike + k * STRIDE / 2
-        middle = clock + MID * STRIDE
-        last = bool(distance(middle) >= distance(DURATION) - 1e-3) if k > 0 else False
-        done = last and bool(stances) and stances[-1].toe_off == np.inf
-        stances.append(_stance("Right" if k % 2 == 0 else "Left", clock, first=k < 0, last=last))
-        if done:
-            return stances
-    raise AssertionError("the walk never ends")
+
+def plan() -> tuple[Stance, ...]:
+    """All stances in the order of their clocks, right and left in turn, two of them open at either end. The right foot steps first."""
+    # The right foot's first heel-off falls on the moment when the pace starts to rise.
+    clock = START[0] - HEEL_OFF * STRIDE
+    stances: list[Stance] = []
+    end = float(distance(DURATION))
+    while clock < DURATION:
+        arrived = float(distance(clock + UNDER_PELVIS * STRIDE)) > end - 1e-3
+        side = "Left" if len(stances) % 2 else "Right"
+        stances.append(_stance(side, clock, first=len(stances) < 2, last=arrived))
+        if arrived and stances[-2].toe_off == np.inf:
+            return tuple(stances)
+        clock += STRIDE / 2
+    raise RetargetError(f"the walk's {DURATION} s end before both feet have arrived")
 
 
 def _stance(side: str, clock: float, *, first: bool, last: bool) -> Stance:
     left = 1.0 if side == "Left" else -1.0
-    middle = np.array([clock + MID * STRIDE]) if not first else np.array([0.0])
-    way = distance(middle)
+    over = np.array([0.0 if first else clock + UNDER_PELVIS * STRIDE])
+    way = distance(over)
     (x, y), direction = path(way)[0], float(heading(way)[0])
-    half = person.HIP_HALF_WIDTH + float(pace(middle)[0]) * (STEP_HALF_WIDTH - person.HIP_HALF_WIDTH)
-    spot = Footprint(
-        float(x - left * half * np.sin(direction)),
-        float(y + left * half * np.cos(direction)),
-        direction + left * TOE_OUT,
-    )
+    half = person.HIP_HALF_WIDTH + float(pace(over)[0]) * (STEP_HALF_WIDTH - person.HIP_HALF_WIDTH)
+    aside_x, aside_y = -left * half * np.sin(direction), left * half * np.cos(direction)
     return Stance(
         side,
-        spot,
+        Footprint(float(x + aside_x), float(y + aside_y), direction + left * TOE_OUT),
         clock,
         strike=-np.inf if first else clock,
         flat=-np.inf if first else clock + FLAT * STRIDE,
         heel_off=np.inf if last else clock + HEEL_OFF * STRIDE,
+        roll=np.inf if last else clock + ROLL * STRIDE,
         toe_off=np.inf if last else clock + normative.TOE_OFF * STRIDE,
     )

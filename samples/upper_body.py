@@ -5,10 +5,9 @@ All angles are rad, arrays (T,). Flexion bends forward, rotation turns to the le
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-
 from retarget.core import rotations
 from retarget.core.types import Array
 from retarget.samples.legs import about
@@ -17,7 +16,7 @@ from retarget.samples.legs import about
 def trunk(flexion: Array, sidebend: Array, rotation: Array) -> dict[str, Array]:
     """L5, L3, T12 and T8: the bend of the chest against the pelvis, a quarter in each joint."""
     quarter = _bend(flexion / 4, sidebend / 4, rotation / 4)
-    return {segment: quarter for segment in ("L5", "L3", "T12", "T8")}
+    return dict.fromkeys(("L5", "L3", "T12", "T8"), quarter)
 
 
 def head(flexion: Array, sidebend: Array, rotation: Array) -> dict[str, Array]:
@@ -45,7 +44,7 @@ class Arm:
     elbow: Array
     pronation: Array
     wrist: Array
-    deviation: Array = field(default_factory=lambda: np.zeros(1))
+    deviation: Array
 
     def rotations_of(self, side: str) -> dict[str, Array]:
         """Shoulder, upper arm, forearm and hand of `side` ("Left" or "Right"): (T, 4), each in its parent's frame."""
