@@ -63,7 +63,7 @@ def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
         stream = getattr(sys.stdout, "buffer", None)
         if stream is None:
             raise UsageError("stdout is closed")
-        formats.write_trajectory_stream(stream, result.trajectory, format=clip.format)
+        formats.write_trajectory_stream(stream, result.trajectory, format=clip.format, style=clip.style)
         stream.flush()
     else:
         Path(clip.output).parent.mkdir(parents=True, exist_ok=True)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     "placeholder must exist. [default: {stem}_{robot}.mcap]",
 )
 @click.option("--format", "format_", type=o.FORMAT, help="mcap, hdf5, csv or npz. [default: by the output's suffix]")
-@click.option("--csv-style", type=o.CSV_STYLE, help="Columns of CSV: default or unitree.")
+@click.option("--csv-style", type=o.CSV_STYLE, help="Columns of CSV: header or unitree. [default: header]")
 @click.option(
     "--mapping", type=o.MAPPING, default="limb_plane", show_default=True, help="limb_plane or link_orientation."
 )
@@ -89,8 +89,6 @@ def convert(
     """
     if output == PIPE and as_json:
         raise UsageError("-o - and --json both want stdout; choose one")
-    if output == PIPE and not dry_run and sys.stdout is not None and sys.stdout.isatty():
-        raise UsageError("-o - would write binary data to the terminal; redirect it, or use -o FILE")
     clips, skipped = _plan(inputs, robots, output, **choices)
     for clip in skipped:
         console.note(f"{clip.output}: exists, skipped")
@@ -98,6 +96,8 @@ def convert(
         for clip in clips:
             _print_plan(clip, as_json)
         return
+    if output == PIPE and sys.stdout is not None and sys.stdout.isatty():
+        raise UsageError("-o - would write the trajectory to the terminal; redirect it, or use -o FILE")
     codes = set()
     for clip, outcome in zip(clips, _outcomes(clips, jobs, console), strict=True):
         count = f"[{outcome.index + 1}/{len(clips)}] " if len(clips) > 1 else ""

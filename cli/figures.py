@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib as mpl
@@ -54,6 +55,16 @@ def svg(figure: Figure) -> bytes:
     with mpl.rc_context(STYLE):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
+
+
+def png(figure: Figure, path: Path) -> None:
+    """Write the figure as a PNG of 64 colours: line drawings need no more, and it is a third of the size."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(buffer, format="png", dpi=120)
+    Image.open(buffer).convert("RGB").quantize(64).save(path, optimize=True)
 
 
 @styled

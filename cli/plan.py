@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from retarget.core.errors import UnknownNameError, UsageError
+from retarget.core.errors import UnknownNameError, UsageError, nearest
 
 if TYPE_CHECKING:
     from retarget.core.profile import RobotProfile
@@ -91,7 +91,7 @@ def output_format(template: str | None, wanted: str | None, known: Mapping[str, 
     """The format to write: `wanted`, else by the suffix of `template`, else MCAP. Raises `UsageError` when they contradict."""
     writable = {name: format_ for name, format_ in known.items() if format_.write_trajectory}
     by_suffix = None
-    if template and template != PIPE:
+    if template and not _is_folder(template) and template != PIPE:
         name = Path(template).name.lower()
         by_suffix = next((f for f in writable.values() if name.endswith(f.suffixes)), None)
     if wanted:
@@ -100,7 +100,7 @@ def output_format(template: str | None, wanted: str | None, known: Mapping[str, 
             raise UsageError(f"-o {template} is a name for {by_suffix.name}, but --format is {wanted}")
     elif by_suffix:
         chosen = by_suffix
-    elif template is None or template == PIPE:
+    elif template is None or template == PIPE or _is_folder(template):
         chosen = writable["mcap"]
     else:
         suffixes = ", ".join(s for f in writable.values() for s in f.suffixes)
@@ -115,9 +115,11 @@ def folder_template(template: str | None, format_: Format) -> str:
     name = "{stem}_{robot}" + format_.suffixes[0]
     if template is None:
         return name
-    if template != PIPE and (template.endswith("/") or Path(template).is_dir()):
-        return str(Path(template) / name)
-    return template
+    return str(Path(template) / name) if _is_folder(template) else template
+
+
+def _is_folder(template: str) -> bool:
+    return template != PIPE and (template.endswith("/") or Path(template).is_dir())
 
 
 def make(
@@ -183,9 +185,18 @@ def _check_input(name: str) -> None:
     except (OSError, ValueError) as error:
         raise UsageError(f"{name}: {error}") from None
     if not exists:
-        raise UsageError(f"{name}: no such file")
+        raise UsageError(f"{name}: no such file{_similar(path)}")
     if not os.access(path, os.R_OK):
         raise UsageError(f"{name}: not readable")
+
+
+def _similar(path: Path) -> str:
+    """A hint at files beside `path` with almost its name."""
+    try:
+        near = nearest(path.name, [entry.name for entry in path.parent.iterdir()])
+    except OSError:
+        return ""
+    return f"; did you mean {' or '.join(str(path.with_name(name)) for name in near)}?" if near else ""
 
 
 def _below(folder: str, suffixes: tuple[str, ...]) -> list[str]:

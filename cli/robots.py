@@ -33,12 +33,12 @@ def list_robots(as_json: bool) -> None:
     from retarget import robots as profiles
     from retarget.cli.summary import table
 
-    facts = [_facts(profiles.load(name)) for name in profiles.names()]
+    found = [facts(profiles.load(name)) for name in profiles.names()]
     if as_json:
-        for fact in facts:
+        for fact in found:
             click.echo(json.dumps(fact))
     else:
-        rows = [[f["name"], _text(f["dof"]), _text(f["mass_kg"]), f["base"], " " + f["description"]] for f in facts]
+        rows = [[f["name"], _text(f["dof"]), _text(f["mass_kg"]), f["base"], " " + f["description"]] for f in found]
         width = max(len(row[-1]) for row in rows)
         click.echo(
             table([["robot", "DoF", "kg", "base", " description".ljust(width)], *(_left(r, width) for r in rows)])
@@ -54,8 +54,8 @@ def show(name: str, as_json: bool) -> None:
     from retarget import robots as profiles
 
     profile = profiles.load(name)
-    facts = {**_facts(profile), "links": dict(profile.links), "joints": _joints(profile)}
-    click.echo(json.dumps(facts) if as_json else _readable(facts))
+    shown = {**facts(profile), "links": dict(profile.links), "joints": _joints(profile)}
+    click.echo(json.dumps(shown) if as_json else _readable(shown))
 
 
 @robots.command()
@@ -116,7 +116,8 @@ def _model(profile: RobotProfile) -> RobotModel:
     return build(profile, formats.read_motion(str(samples.sample_path("walk"))))
 
 
-def _facts(profile: RobotProfile) -> dict[str, Any]:
+def facts(profile: RobotProfile) -> dict[str, Any]:
+    """What `list` says of a robot, JSON-able."""
     model = _model(profile)
     source = profile.model
     where = {"package": f"{source.package}: {source.path}", "file": source.path, "human": "built from the recording"}
@@ -140,16 +141,16 @@ def _joints(profile: RobotProfile) -> list[dict[str, Any]]:
     ]
 
 
-def _readable(facts: dict[str, Any]) -> str:
+def _readable(shown: dict[str, Any]) -> str:
     from retarget.cli.summary import table
 
-    heads = [f"{facts['name']}: {facts['description']}"]
-    heads += [f"  {key}: {facts[key]}" for key in ("dof", "mass_kg", "model", "base")]
-    links = table([["  segment", "link"], *([f"  {segment}", link] for segment, link in facts["links"].items())])
+    heads = [f"{shown['name']}: {shown['description']}"]
+    heads += [f"  {key}: {shown[key]}" for key in ("dof", "mass_kg", "model", "base")]
+    links = table([["  segment", "link"], *([f"  {segment}", link] for segment, link in shown["links"].items())])
     header = ["  joint", "lower rad", "upper rad", "rad/s"]
     rows = [
         [f"  {j['name']}", f"{j['lower_rad']:.3f}", f"{j['upper_rad']:.3f}", f"{j['velocity_rad_s']:.2f}"]
-        for j in facts["joints"]
+        for j in shown["joints"]
     ]
     return "\n".join([*heads, links, table([header, *rows])])
 

@@ -122,7 +122,7 @@ def _outcome(index: int, future: Future[Outcome[Result]]) -> Outcome[Result]:
     try:
         return future.result()
     except BrokenExecutor:
-        return Outcome(index, error="its worker process died (killed, or out of memory)", exit_code=1, unexpected=True)
+        return Outcome(index, error="its worker process died (killed, or out of memory)", exit_code=1)
 
 
 class _WorkerInterrupts:
