@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from retarget.cli.report_page import Section
 
 PAGE = "report.html"
+SYNTHETIC = (
+    "The walk is synthetic: computed from published gait curves and body proportions, not recorded from a person."
+)
 
 
 @click.command(short_help="Convert a sample walk to two robots and write a report.")
@@ -59,7 +62,7 @@ def demo(console: Console, folder: str, robots: tuple[str, ...]) -> None:
         formats.write_trajectory(output, result.trajectory, overwrite=True)
         sections.append(Section(title=f"walk on {name}", result=result, model=model, output=output.name))
     click.echo(_table(sections))
-    write_page(target / PAGE, sections, heading="retarget demo: a recorded walk on robots", overwrite=True)
+    write_page(target / PAGE, sections, heading="retarget demo: a walk on robots", note=SYNTHETIC, overwrite=True)
     names = ", ".join(section.output for section in sections)
     console.note(f"in {target}: {PAGE} (open it in a browser), {names}")
 

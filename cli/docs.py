@@ -96,14 +96,15 @@ PAGES: dict[str, Callable[[], str]] = {
 
 
 def picture(path: Path) -> None:
-    """The demo's person and robots with their limb errors, as PNG."""
+    """The demo's person and robots, as PNG."""
     from retarget import formats, samples
     from retarget.cli import figures, stick_figures
     from retarget.cli.clip import model_for
     from retarget.core import pipeline
 
     motion = formats.read_motion(str(samples.sample_path("walk")))
-    results = [pipeline.convert(motion, model_for(r, motion), pipeline.ConvertOptions()) for r in ("icub", "g1")]
+    part = pipeline.ConvertOptions(start_s=2.2, end_s=9.2)  # without the standing at both ends
+    results = [pipeline.convert(motion, model_for(robot, motion), part) for robot in ("icub", "g1")]
     strip = stick_figures.strip(results, instants=5)
     figures.png(strip, path)
 

@@ -43,24 +43,35 @@ class Section:
 
 
 def write_page(
-    path: Path, sections: Sequence[Section], *, heading: str = "Retargeting report", overwrite: bool = False
+    path: Path,
+    sections: Sequence[Section],
+    *,
+    heading: str = "Retargeting report",
+    note: str = "",
+    overwrite: bool = False,
 ) -> None:
     """Write the page of `sections` to `path`, whole or not at all. Raises `UsageError` when it exists and `overwrite` is not set."""
     if os.path.lexists(path) and not overwrite:
         raise UsageError(f"{path}: exists; --force replaces it")
     part = path.with_name(f".retarget-{secrets.token_hex(6)}.part")
     try:
-        part.write_text(page(sections, heading), encoding="utf-8")
+        part.write_text(page(sections, heading, note), encoding="utf-8")
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
 
 
-def page(sections: Sequence[Section], heading: str) -> str:
-    """The HTML text."""
+def page(sections: Sequence[Section], heading: str, note: str = "") -> str:
+    """The HTML text. note: a line under the heading."""
+    introduction = f'<p class="note">{html.escape(note)}</p>' if note else ""
     body = "\n".join(
-        [f"<h1>{html.escape(heading)}</h1>", _overview(sections), *(_section(section) for section in sections)]
+        [
+            f"<h1>{html.escape(heading)}</h1>",
+            introduction,
+            _overview(sections),
+            *(_section(section) for section in sections),
+        ]
     )
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
