@@ -14,7 +14,7 @@ from retarget.core.types import Array
 STRAIGHT_SINE = 0.15
 """Sine of the bend at which the plane and the segment's own twist count alike."""
 OVERSTRETCHED_SINE = 0.5
-"""Sine of the bend at which a plane that contradicts the own twist counts half. Below that, joints are rather overstretched."""
+"""Sine of the bend below which a plane that contradicts the own twist shows a joint bent the wrong way, above it a wrong twist."""
 WINDOW_S = 0.25
 
 
@@ -25,9 +25,7 @@ def hinge_directions(time: Array, upper: Array, lower: Array, own_hinge: Array, 
     flexion: +1 where bending turns the lower bone about +hinge, -1 where about -hinge.
 
     The plane normal n = ± upper × lower is known to about 1/sin(bend), so it weighs sin²(bend) against STRAIGHT_SINE² for the own
-    twist; angles are averaged as vectors in the plane across the bone, weights and all. Recordings whose twist is wrong by a right angle
-    and more exist, and their planes are right; but elbows and knees also overstretch by some 10°, which turns n around and says
-    nothing against the own twist: what speaks against it counts little while the bend is small.
+    twist; angles are averaged as vectors in the plane across the bone, weights and all.
     """
     own = own_hinge - np.einsum("ti,ti->t", own_hinge, upper)[:, None] * upper
     own /= np.linalg.norm(own, axis=1, keepdims=True)
@@ -36,11 +34,22 @@ def hinge_directions(time: Array, upper: Array, lower: Array, own_hinge: Array, 
     across = np.cross(upper, own)
     # |n|·(cos φ, sin φ), once more times |n| for the weight: no division by a vanishing sine anywhere.
     cosine, sine_angle = (sine * np.einsum("ti,ti->t", normal, axis) for axis in (own, across))
-    cosine = np.where(cosine < 0, cosine * sine**2 / (sine**2 + OVERSTRETCHED_SINE**2), cosine)
-    cosine = _average(time, cosine + STRAIGHT_SINE**2)
-    sine_angle = _average(time, sine_angle)
+    trust = _trust(cosine, sine_angle, sine)
+    cosine = _average(time, trust * cosine + STRAIGHT_SINE**2)
+    sine_angle = _average(time, trust * sine_angle)
     angle = np.arctan2(sine_angle, cosine)[:, None]
     return np.asarray(np.cos(angle) * own + np.sin(angle) * across)
+
+
+def _trust(cosine: Array, sine_angle: Array, sine: Array) -> Array:
+    """Factor (T,) in [-1, 1] on the plane's word: 1 but where it contradicts the own twist, by more than a right angle.
+
+    Elbows and knees overstretch by some 10°, which turns the normal around while the hinge stays: there the factor is negative. Yet
+    recordings whose own twist is wrong by a right angle and more exist, and a limb bent far shows its plane beyond doubt.
+    """
+    contradiction = np.minimum(cosine, 0.0) ** 2 / np.maximum(cosine**2 + sine_angle**2, np.finfo(float).tiny)
+    far = (sine**2 - OVERSTRETCHED_SINE**2) / (sine**2 + OVERSTRETCHED_SINE**2)  # -1 straight, 1 bent far
+    return np.asarray(1.0 + (far - 1.0) * contradiction)
 
 
 def _average(time: Array, values: Array) -> Array:
