@@ -53,7 +53,7 @@ def jet(function: Callable[[Array], Array], instant: float) -> Jet:
     samples come out the same to the byte everywhere.
     """
     h = 2e-3
-    f = function(instant + h * np.arange(-2, 3))
+    f = function(np.asarray(instant + h * np.arange(-2, 3), float))
     velocity = (f[0] - 8 * f[1] + 8 * f[3] - f[4]) / (12 * h)
     acceleration = (-f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]) / (12 * h * h)
     return f[2], np.round(velocity, 7), np.round(acceleration, 5)

@@ -15,7 +15,7 @@ from retarget.core import rotations
 from retarget.core.types import Array, BoolArray
 from retarget.samples import curves, legs, person, upper_body
 from retarget.samples.feet import Footprint
-from retarget.samples.legs import about
+from retarget.samples.person import about
 
 Keys = Sequence[tuple[float, float]]
 """(time in s, angle in degrees or length in m), rests."""
@@ -72,7 +72,8 @@ class Reach:
 REACH_DURATION: Final = 24.0
 REACH_T_POSE: Final = (2.0, 2.5)
 REACH_N_POSE: Final = (0.0, 0.8)
-"""When the poses are held, s. In the T-pose every segment is in its reference orientation but for the legs, bent by 12° at the knee."""
+"""When the poses are held, s. In the T-pose all segments from the pelvis up are in their reference orientation; the legs are bent
+by some 15° at the knee, the toes point a little outward."""
 
 
 def _both(start: Keys, left: Keys, right: Keys) -> dict[str, Keys]:
@@ -241,7 +242,7 @@ class Squat:
         joints |= _planted_legs(_feet(person.HIP_HALF_WIDTH + 0.04, 14.0), position, joints["Pelvis"])
         joints |= upper_body.trunk(np.radians(14.0) * share, 0 * time, 0 * time)
         joints |= upper_body.head(-np.radians(30.0) * share, 0 * time, 0 * time)
-        raised = np.minimum(share, 1.0) * (2 - share)
+        raised = share * (2 - share)
         for side in ("Left", "Right"):
             joints |= upper_body.Arm(
                 lowering=np.radians(86.0) + 0 * time,

@@ -1,4 +1,4 @@
-"""A foot on the floor: where its joints are while it stands flat, rocks on the heel, rises onto the ball or rolls off over the toes.
+"""A foot on the floor: where its joints are while it stands flat, rocks on the heel, rises onto the ball or rolls over the toes.
 
 The floor is z = 0. A footprint is the spot below the ankle when the foot is flat, and where the foot points to.
 """
@@ -11,7 +11,7 @@ import numpy as np
 from retarget.core import rotations
 from retarget.core.types import Array
 from retarget.samples import person
-from retarget.samples.legs import about
+from retarget.samples.person import about
 
 _HEEL = np.array([-person.HEEL_BEHIND_ANKLE, 0.0, -person.ANKLE_HEIGHT])
 """The heel seen from the ankle, foot frame."""
@@ -37,9 +37,9 @@ class Footprint:
     def pose(self, heel_rocker: Array, heel_rise: Array, toe_roll: Array) -> tuple[Array, Array]:
         """Ankle (T, 3) m and foot orientation (T, 4) in the world.
 
-        heel_rocker: (T,) rad ≥ 0, toes up, turning about the heel. heel_rise: (T,) rad ≥ 0, the foot's pitch, heel up. toe_roll: (T,)
-        rad ≥ 0, the toes' own pitch, turning about their tips; while it is 0 the foot turns about the ball. In a row with heel_rocker
-        the other two are zero. The point that is turned about stays where it is.
+        heel_rocker: (T,) rad ≥ 0, toes up, turning about the heel. heel_rise: (T,) rad ≥ 0, the foot's pitch, heel up.
+        toe_roll: (T,) rad ≥ 0, the toes' own pitch, turning about their tips; while it is 0 the foot turns about the ball.
+        Where heel_rocker is not zero the other two are. The point that is turned about stays where it is.
         """
         rocker, rise, roll = (np.asarray(angle, float) for angle in (heel_rocker, heel_rise, toe_roll))
         yaw = about(2, np.full(len(rocker), self.yaw))

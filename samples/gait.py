@@ -2,10 +2,12 @@
 
 Three rules make the motion:
 
-* The pelvis is as high as the leg with the flat foot holds it, with that leg's knee on its normative curve; it is handed over from leg to
-  leg while the rear foot rises and the front foot lands (`pelvis`).
+* The pelvis is as high as the leg with the flat foot holds it, with that leg's knee on its normative curve; it is handed over
+from
+  leg to leg while the rear foot rises and the front foot lands (`pelvis`).
 * A planted foot is where its footprint says (`rockers`); the rest of its leg follows in closed form (`legs.solve`).
-* In swing each angle is its normative curve plus what takes the difference at toe-off to zero and builds up the difference at the
+* In swing each angle is its normative curve plus what takes the difference at toe-off to zero and builds up the difference at
+the
   next heel strike, with equal velocity and acceleration at both.
 """
 
@@ -76,7 +78,8 @@ class Walk:
     def contacts(self, time: Array) -> BoolArray:
         """(T, 4), columns `core.segments.FOOT_CONTACTS`: whether that part of the foot is on the floor and at rest.
 
-        A heel rests from heel strike to heel-off; ball and toes from foot-flat until the ball lifts (their tips stay a little longer).
+        A heel rests from heel strike to heel-off; ball and toes from foot-flat until the ball lifts (the tips stay a little
+        longer).
         """
         touching = np.zeros((len(time), 4), np.bool_)
         for s in self.stances:
@@ -120,7 +123,7 @@ class Walk:
 
 
 def swing_norm(before: Stance, time: Array) -> Array:
-    """Normative angles (T, 9) rad of the swing that follows stance `before`, with what this person lifts more to clear the floor."""
+    """Normative angles (T, 9) rad of the swing after stance `before`, with what this person lifts more to clear the floor."""
     phase = before.phase(time)
     swing = np.clip((phase - normative.TOE_OFF) / (1 - normative.TOE_OFF), 0.0, 1.0)
     hump = swing**6 * (1 - swing) ** 3 / ((2 / 3) ** 6 * (1 / 3) ** 3)

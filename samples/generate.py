@@ -10,7 +10,7 @@ import argparse
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,23 +34,13 @@ class Sample:
     foot_contacts: bool = True
 
 
-@cache
-def _walk() -> Recording:
-    return record(Walk.planned(), steps.DURATION)
-
-
-@cache
-def _start_of_reach() -> Recording:
-    return record(exercises.Reach(), YAW_DURATION)
-
-
 def _facing(heading_deg: int) -> Recording:
-    return turned(_start_of_reach(), float(np.radians(heading_deg)))
+    return turned(record(exercises.Reach(), YAW_DURATION), float(np.radians(heading_deg)))
 
 
 SAMPLES: Final[dict[str, Sample]] = {
-    "walk": Sample(_walk),
-    "walk_v3": Sample(_walk, version=3, foot_contacts=False),
+    "walk": Sample(partial(record, Walk.planned(), steps.DURATION)),
+    "walk_v3": Sample(partial(record, Walk.planned(), steps.DURATION), version=3, foot_contacts=False),
     "reach": Sample(partial(record, exercises.Reach(), exercises.REACH_DURATION)),
     "squat": Sample(partial(record, exercises.Squat(), exercises.SQUAT_DURATION)),
 } | {f"yaw_{heading:03d}": Sample(partial(_facing, heading), angular_velocity=False) for heading in HEADINGS_DEG}

@@ -1,8 +1,8 @@
 """Legs: from a pelvis and a planted foot to joint angles in closed form, and from joint angles to rotations.
 
-A leg's angles are an array (T, 9) rad, columns `ANGLES`: flexion, abduction and outward rotation of the hip; flexion of the knee and outward
-rotation of the shank about its own axis; dorsiflexion, eversion and outward rotation of the ankle; extension of the toes.
-`left` is +1 for the left leg and −1 for the right one; the same angles on both sides are mirror images.
+A leg's angles are an array (T, 9) rad, columns `ANGLES`: flexion, abduction and outward rotation of the hip; flexion of the
+knee and outward rotation of the shank about its own axis; dorsiflexion, eversion and outward rotation of the ankle; extension
+of the toes. `left` is +1 for the left leg and −1 for the right one; the same angles on both sides are mirror images.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from retarget.core import rotations
 from retarget.core.errors import RetargetError
 from retarget.core.types import Array
 from retarget.samples import person
+from retarget.samples.person import about
 
 ANGLES: Final = (
     "hip_flexion",
@@ -30,11 +31,6 @@ ANGLES: Final = (
 
 class LegReachError(RetargetError):
     """A planned foot that the leg can't reach: a mistake in a motion's plan."""
-
-
-def about(axis: int, angle: Array) -> Array:
-    """Quaternions (T, 4) of rotations by `angle` (T,) about coordinate axis 0, 1 or 2."""
-    return rotations.exp(np.asarray(angle, float)[:, None] * np.eye(3)[axis])
 
 
 def rotations_of(angles: Array, side: str) -> dict[str, Array]:

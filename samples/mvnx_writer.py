@@ -1,8 +1,8 @@
 """Writes a recording as an Xsens MVNX file, version 4 or 3, gzip-compressed and the same to the byte every time.
 
-Version 4 states orientations in segment frames that are aligned with the world in T-pose; version 3 in frames aligned in N-pose (arms
-down), while its `npose` frame shows the arms horizontal and so holds the constant offset between the two: 90° for upper
-arms, 120° for forearms and hands. Points are in T-pose axes in both.
+Version 4 states orientations in segment frames that are aligned with the world in T-pose; version 3 in frames aligned in
+N-pose (arms down), while its `npose` frame shows the arms horizontal and so holds the constant offset between the two: 90°
+for upper arms, 120° for forearms and hands. Points are in T-pose axes in both.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Published norms of human walking, and the curves through them.
 
-Sagittal joint angles over one stride, heel strike to heel strike of the same foot, in steps of 5 %, in whole degrees: mean curves of
-healthy adults at natural cadence after Winter, "The Biomechanics and Motor Control of Human Gait" (2nd ed., 1991), in agreement with the
-values at the ends of the gait phases in Perry & Burnfield, "Gait Analysis: Normal and Pathological Function" (2nd ed., 2010).
-Published means differ between laboratories by some degrees; these are rounded values of the common shape.
+Sagittal joint angles over one stride, heel strike to heel strike of the same foot, in steps of 5 %, in whole degrees: mean
+curves of healthy adults at natural cadence after Winter, "The Biomechanics and Motor Control of Human Gait" (2nd ed., 1991),
+in agreement with the values at the ends of the gait phases in Perry & Burnfield, "Gait Analysis: Normal and Pathological
+Function" (2nd ed., 2010). Published means differ between laboratories by some degrees; these are rounded values of the common
+shape.
 
 Flexion and dorsiflexion are positive. The hip angle is that of the thigh to the pelvis, standing upright being zero.
 """

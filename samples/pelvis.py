@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from typing import Final
 
 import numpy as np
 from retarget.core import rotations
 from retarget.core.types import Array
 from retarget.samples import curves, legs, normative, person, rockers, steps
-from retarget.samples.legs import about
+from retarget.samples.person import about
 from retarget.samples.steps import STRIDE, Stance
 
 STANDING_KNEE: Final = np.radians(8.0)
@@ -77,19 +77,22 @@ class Pelvis:
     def height(self, time: Array) -> Array:
         """Height (T,) m: held by each flat leg in turn, handed over in between."""
         height = np.empty(len(time))
-        carrying, since = self.stances[1], -np.inf
-        for hand_over, following in zip(self._hand_overs, self.stances[2:], strict=False):
-            held = (time >= since) & (time < hand_over.start)
-            height[held] = self._held_height(carrying, time[held])[:, 0]
-            passing = (time >= hand_over.start) & (time < hand_over.end)
-            height[passing] = hand_over.height(time[passing])
-            carrying, since = following, hand_over.end
-        height[time >= since] = self._held_height(carrying, time[time >= since])[:, 0]
+        # The very first stance carries nothing: both feet stand then, and the second one's leg holds the pelvis.
+        since = -np.inf
+        for carrying, hand_over in zip_longest(self.stances[1 : len(self._hand_overs) + 2], self._hand_overs):
+            until = hand_over.start if hand_over else np.inf
+            held = (time >= since) & (time < until)
+            if held.any():
+                height[held] = self._held_height(carrying, time[held])[:, 0]
+            if hand_over:
+                since = hand_over.end
+                passing = (time >= until) & (time < since)
+                if passing.any():
+                    height[passing] = hand_over.height(time[passing])
         return height
 
     @cached_property
     def _hand_overs(self) -> tuple[HandOver, ...]:
-        # The very first stance carries nothing: both feet stand then, and the second one's leg holds the pelvis.
         return tuple(self._hand_over(a, b) for a, b in pairwise(self.stances[1:]) if np.isfinite(a.heel_off))
 
     def _hand_over(self, rear: Stance, front: Stance) -> HandOver:

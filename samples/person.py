@@ -1,10 +1,10 @@
 """The person that all samples show: lengths from published body proportions, joints in T-pose axes, forward kinematics.
 
 Segment lengths are fractions of stature after Drillis & Contini, "Body Segment Parameters" (1966), as reprinted in Winter,
-"Biomechanics and Motor Control of Human Movement": ankle height 0.039, shank 0.246, thigh 0.245, upper arm 0.186, forearm 0.146,
-hand 0.108, shoulder height 0.818, foot length 0.152 of the stature. That source gives outer breadths and no spine; where it is silent
-(distance of the hip and shoulder joint centres, the split of the trunk into six segments, the split of the foot) the
-fractions below are this project's own choice, between the values that are usual for adults.
+"Biomechanics and Motor Control of Human Movement": ankle height 0.039, shank 0.246, thigh 0.245, upper arm 0.186, forearm
+0.146, hand 0.108, shoulder height 0.818, foot length 0.152 of the stature. That source gives outer breadths and no spine;
+where it is silent (distance of the hip and shoulder joint centres, the split of the trunk into six segments, the split of the
+foot) the fractions below are this project's own choice, between the values that are usual for adults.
 
 Frames: every segment frame is the identity in T-pose facing +X (X forward, Y left, Z up). Metres, radians, quaternions wxyz.
 """
@@ -93,6 +93,11 @@ def _surface_points() -> dict[str, dict[str, Array]]:
 
 SURFACE_POINTS: Final[Mapping[str, Mapping[str, Array]]] = _surface_points()
 """Segment → label → (3,) m in the segment's frame: the points beside the joints that the files name."""
+
+
+def about(axis: int, angle: Array) -> Array:
+    """Quaternions (T, 4) of rotations by `angle` (T,) about axis 0, 1 or 2 of a segment's frame."""
+    return rotations.exp(np.asarray(angle, float)[:, None] * np.eye(3)[axis])
 
 
 def forward(root_position: Array, joints: Mapping[str, Array]) -> tuple[Array, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -37,8 +38,9 @@ class Recording:
         return len(self.orientation)
 
 
+@cache
 def record(motion: Motion, duration: float, rate_hz: int = 60) -> Recording:
-    """Frames at 0, 1/rate, … up to `duration` s."""
+    """Frames at 0, 1/rate, … up to `duration` s. Equal motions are computed once."""
     time = np.arange(round(duration * rate_hz) + 1) / rate_hz
     orientation, position = person.forward(*motion.pose(time))
     return Recording(rate_hz, orientation, position, _angular_velocity(motion, time), motion.contacts(time))

@@ -30,11 +30,13 @@ TURN: Final = np.pi / 2
 FLAT: Final = 0.12
 HEEL_OFF: Final = 0.37
 ROLL: Final = 0.54
-"""As fractions of the stride since heel strike: the foot is flat, the heel lifts, the ball lifts and the toes roll over their tips."""
+"""As fractions of the stride since heel strike: the foot is flat, the heel lifts, the ball lifts, the toes roll over their tips."""
 UNDER_PELVIS: Final = 0.215
 """When, as a fraction of the stride since heel strike, the pelvis passes over the ankle."""
 TOE_OUT: Final = np.radians(6.0)
 STEP_HALF_WIDTH: Final = 0.055
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
 def pace(time: ArrayLike) -> Array:
@@ -60,11 +62,10 @@ def heading(way: ArrayLike) -> Array:
 def path(way: ArrayLike) -> Array:
     """The point (T, 2) m of the path after `way` (T,) m: the integral of its direction, by Gauss-Legendre quadrature."""
     s = np.asarray(way, float)
-    nodes, weights = np.polynomial.legendre.leggauss(32)
     turning = np.clip(s - TURN_START, 0.0, TURN_LENGTH)[:, None]
-    direction = heading(TURN_START + turning * (nodes + 1) / 2)
-    x = np.minimum(s, TURN_START) + (np.cos(direction) @ weights) * turning[:, 0] / 2
-    y = (np.sin(direction) @ weights) * turning[:, 0] / 2
+    direction = heading(TURN_START + turning * (_NODES + 1) / 2)
+    x = np.minimum(s, TURN_START) + (np.cos(direction) @ _WEIGHTS) * turning[:, 0] / 2
+    y = (np.sin(direction) @ _WEIGHTS) * turning[:, 0] / 2
     beyond = np.maximum(s - TURN_START - TURN_LENGTH, 0.0)
     return np.stack([x + beyond * np.cos(TURN), y + beyond * np.sin(TURN)], axis=-1)
 
@@ -92,7 +93,7 @@ class Stance:
 
 
 def plan() -> tuple[Stance, ...]:
-    """All stances in the order of their clocks, right and left in turn, two of them open at either end. The right foot steps first."""
+    """All stances in the order of their clocks, right and left in turn, two open ones at either end. The right foot steps first."""
     # The right foot's first heel-off falls on the moment when the pace starts to rise.
     clock = START[0] - HEEL_OFF * STRIDE
     stances: list[Stance] = []

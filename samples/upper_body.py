@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from retarget.core import rotations
 from retarget.core.types import Array
-from retarget.samples.legs import about
+from retarget.samples.person import about
 
 
 def trunk(flexion: Array, sidebend: Array, rotation: Array) -> dict[str, Array]:
@@ -31,10 +31,10 @@ def head(flexion: Array, sidebend: Array, rotation: Array) -> dict[str, Array]:
 class Arm:
     """One arm's angles; the same numbers on both sides are mirror images.
 
-    lowering: from T-pose (0) down to the side of the body (π/2), negative above the shoulder, in the frontal plane. flexion: then the
-    lowered arm swings forward about the shoulder's lateral axis. across: then about the vertical, toward the other side. twist: of
-    the upper arm about its bone, inward. elbow: flexion. pronation: of the forearm about its bone,
-    0 = palm down in T-pose, palm to the thigh beside the body. wrist: flexion toward the palm. deviation: toward the little finger.
+    lowering: from T-pose (0) down to the side of the body (π/2), negative above the shoulder, in the frontal plane. flexion:
+    then the lowered arm swings forward about the shoulder's lateral axis. across: then about the vertical, toward the other
+    side. twist: of the upper arm about its bone, inward. elbow: flexion. pronation: of the forearm about its bone, 0 = palm
+    down in T-pose, palm to the thigh beside the body. wrist: flexion toward the palm. deviation: toward the little finger.
     """
 
     lowering: Array

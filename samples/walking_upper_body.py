@@ -1,8 +1,8 @@
 """Trunk, head and arms in walking.
 
-Arm swing after Murray, Sepic & Barnard, "Patterns of sagittal rotation of the upper limbs in walking" (1967): the shoulder moves through
-some 30°, most extended at the same side's heel strike, the elbow flexes between about 20° and 45°. The chest turns against the
-pelvis, the head stays level and looks where the path goes.
+Arm swing after Murray, Sepic & Barnard, "Patterns of sagittal rotation of the upper limbs in walking" (1967): the shoulder
+moves through some 30°, most extended at the same side's heel strike, the elbow flexes between about 20° and 45°. The chest
+turns against the pelvis, the head stays level and looks where the path goes.
 """
 
 from __future__ import annotations
