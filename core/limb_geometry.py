@@ -25,8 +25,10 @@ _CHAINS = tuple(
 )
 """Upper and lower bone of each limb, the segment after it, and the segments it may hang from, nearest first."""
 
-ALONG_BONE_WEIGHT = 1e-3
-"""What an axis along the bone still counts: it settles where on a hinge's axis the centre lies."""
+ALONG_BONE_WEIGHT = 1e-6
+"""What an axis along the bone still counts: it settles where on a hinge's axis the centre lies, and moves nothing off that axis."""
+UNDECIDED = 1e-9
+"""A direction in which all axes together count less than this is left to the guess."""
 
 
 @dataclass(frozen=True)
@@ -119,15 +121,20 @@ def _centres(groups: list[list[_Axis]], tip: Array | None) -> list[Array]:
     centres = [np.mean([axis.origin for axis in group], axis=0) for group in groups]
     for _ in range(3):  # bones depend on the centres and the centres on the bones: settles in two rounds
         bones = [(b - a) / np.linalg.norm(b - a) for a, b in pairwise(centres + last)]
-        centres = [_centre(groups, bones, i, centres[i]) for i in range(len(groups))]
+        centres = [_centre(groups, centres + last, bones, i) for i in range(len(groups))]
     return centres + last
 
 
-def _centre(groups: list[list[_Axis]], bones: list[Array], i: int, near: Array) -> Array:
+def _centre(groups: list[list[_Axis]], centres: list[Array], bones: list[Array], i: int) -> Array:
     """The point (3,) m with the least weighted sum of squared distances to the axes of group `i`.
 
-    Neighbouring joints' axes along a bone count a little, to settle where on a hinge's axis its centre lies; `near` the rest.
+    Where they leave a direction open, as a hinge does, neighbouring joints' axes along a bone decide; where there are none, the limb's
+    own plane: the line between the neighbouring centres. `centres` holds the previous round's.
     """
+    near = np.mean([axis.origin for axis in groups[i]], axis=0)
+    if 0 < i < len(centres) - 1:
+        chord = centres[i + 1] - centres[i - 1]
+        near = centres[i - 1] + chord * ((near - centres[i - 1]) @ chord) / (chord @ chord)
     before, after = (bones[i - 1] if i else None), (bones[i] if i < len(bones) else None)
     lines = []
     for k, axis in enumerate(groups[i]):
@@ -139,12 +146,12 @@ def _centre(groups: list[list[_Axis]], bones: list[Array], i: int, near: Array) 
         lines.append((groups[i - 1][-1], ALONG_BONE_WEIGHT * _along(groups[i - 1][-1], before)))
     if after is not None and i + 1 < len(groups):
         lines.append((groups[i + 1][0], ALONG_BONE_WEIGHT * _along(groups[i + 1][0], after)))
-    matrix, vector = 1e-9 * np.eye(3), 1e-9 * near
+    matrix, vector = np.zeros((3, 3)), np.zeros(3)
     for axis, weight in lines:
         across = weight * (np.eye(3) - np.outer(axis.direction, axis.direction))
         matrix = matrix + across
-        vector = vector + across @ axis.origin
-    return np.asarray(np.linalg.solve(matrix, vector))
+        vector = vector + across @ (axis.origin - near)
+    return np.asarray(near + np.linalg.pinv(matrix, rcond=UNDECIDED, hermitian=True) @ vector)
 
 
 def _along(axis: _Axis, bone: Array | None) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from retarget.core import rotations
 from retarget.core.kinematics import link_poses
+from retarget.core.profile import TposeException
 from retarget.core.robot_model import RobotModel
 from retarget.core.segments import LIMB_END, SEGMENTS
 from retarget.core.types import Array, Check, HumanMotion, Targets, ValidationReport
@@ -36,7 +37,7 @@ def check(model: RobotModel) -> ValidationReport:
     checks = [*_model_checks(model), *_reference_checks(model)]
     checks += _tpose_checks(model, motion, targets, joints, base)
     checks += _foot_checks(model, joints, base)
-    checks += _symmetry_checks(model)
+    checks += _symmetry_checks(model, joints, base)
     checks += _hand_checks(model)
     return ValidationReport(model.profile.name, tuple(checks), {"tpose_rad": joints})
 
@@ -106,19 +107,21 @@ def _tpose_checks(
     model: RobotModel, motion: HumanMotion, targets: Targets, joints: Array, base: Array | None
 ) -> list[Check]:
     errors = tpose_errors(model, motion, targets, joints, base)
-    exceptions = {s: e for s, e in _paired(model, errors).items() if s in errors}
+    exceptions, held = _exceptions(model, errors), _held(model, joints)
     checks = []
     for segment, error in errors.items():
         name = f"T-pose {segment} {'direction' if segment in model.limbs else 'orientation'}"
         if segment not in exceptions:
             limit = LIMB_LIMIT_DEG if segment in model.limbs else ORIENTATION_LIMIT_DEG
-            checks.append(_below(name, error, "deg", limit, _held(model, segment, joints) if error > limit else ""))
+            checks.append(
+                _below(name, error, "deg", limit, "; ".join(dict.fromkeys(held.values())) if error > limit else "")
+            )
             continue
         stated = exceptions[segment]
-        held = _held(model, segment, joints)
-        passed = abs(error - stated) <= EXCEPTION_MARGIN_DEG and bool(held)
-        note = f"the profile states {stated:g}°; {held or 'but no joint of its chain is at a limit'}"
-        checks.append(Check(name, error, "deg", stated + EXCEPTION_MARGIN_DEG, passed, note))
+        forbids = held.get(stated.joint, "") if stated.joint else "; ".join(dict.fromkeys(held.values()))
+        passed = abs(error - stated.error_deg) <= EXCEPTION_MARGIN_DEG and bool(forbids)
+        note = f"the profile states {stated.error_deg:g}°; {forbids or f'but {stated.joint} is at no limit'}"
+        checks.append(Check(name, error, "deg", stated.error_deg + EXCEPTION_MARGIN_DEG, passed, note))
     if not model.limbs:
         checks.append(Check("T-pose directions", None, "deg", LIMB_LIMIT_DEG, None, "the profile maps no whole limb"))
     return checks
@@ -145,17 +148,17 @@ def tpose_errors(
     return errors
 
 
-def _paired(model: RobotModel, errors: dict[str, float]) -> dict[str, float]:
-    """Segment → the error that the profile states for it, degrees.
+def _exceptions(model: RobotModel, errors: dict[str, float]) -> dict[str, TposeException]:
+    """Segment → what the profile states for it.
 
-    A robot whose sides mirror each other may have two mirrored T-poses that are equally good; if the errors fit the exceptions
-    only with left and right exchanged, all sides are exchanged.
+    A robot whose sides mirror each other may have two T-poses that are equally good, one the mirror image of the other. If the errors
+    fit better with left and right exchanged, so are the entries; what the opposite joint is called is not known then, so none is named.
     """
-    stated = {segment: exception.error_deg for segment, exception in model.profile.tpose_exceptions.items()}
-    mirrored = {_other_side(segment): error for segment, error in stated.items()}
+    stated = dict(model.profile.tpose_exceptions)
+    mirrored = {_other_side(segment): TposeException("", entry.error_deg) for segment, entry in stated.items()}
 
-    def misfit(candidate: dict[str, float]) -> float:
-        return sum(abs(errors[segment] - error) for segment, error in candidate.items() if segment in errors)
+    def misfit(candidate: dict[str, TposeException]) -> float:
+        return sum(abs(errors[segment] - entry.error_deg) for segment, entry in candidate.items() if segment in errors)
 
     return stated if misfit(stated) <= misfit(mirrored) else mirrored
 
@@ -166,23 +169,16 @@ def _other_side(segment: str) -> str:
     return "Left" + segment.removeprefix("Right") if segment.startswith("Right") else segment
 
 
-def _held(model: RobotModel, segment: str, joints: Array) -> str:
-    """Which joints between the base and the segment's link are at a limit or in a coupled row at its bound; "" for none."""
-    joint, _, _ = model.link_in_joint(model.links[segment])
-    chain = []
-    while joint > 0:
-        chain.append(str(model.pin_model.names[joint]))
-        joint = int(model.pin_model.parents[joint])
-    at_limit = []
-    for name in reversed(chain):
-        if name in model.joint_names:
-            i = model.joint_index(name)
-            if min(joints[i] - model.lower[i], model.upper[i] - joints[i]) < AT_LIMIT_RAD:
-                at_limit.append(f"{name} at its limit")
+def _held(model: RobotModel, joints: Array) -> dict[str, str]:
+    """Joint → what holds it: its own position limit, or a coupled row at its bound."""
+    room = np.minimum(joints - model.lower, model.upper - joints)
+    held = {}
     for names, slack in _row_slacks(model, joints):
-        if slack < AT_LIMIT_RAD and set(names) & set(chain):
-            at_limit.append(f"coupled row of {', '.join(names)} at its bound")
-    return "; ".join(at_limit)
+        if slack < AT_LIMIT_RAD:
+            held |= dict.fromkeys(names, f"{', '.join(names)} at the bound of a coupled row")
+    return held | {
+        name: f"{name} at its limit" for name, left in zip(model.joint_names, room, strict=True) if left < AT_LIMIT_RAD
+    }
 
 
 def _foot_checks(model: RobotModel, joints: Array, base: Array | None) -> list[Check]:
@@ -204,15 +200,21 @@ def _foot_checks(model: RobotModel, joints: Array, base: Array | None) -> list[C
     return checks
 
 
-def _symmetry_checks(model: RobotModel) -> list[Check]:
+def _symmetry_checks(model: RobotModel, joints: Array, base: Array | None) -> list[Check]:
     checks = []
+    turn = None if base is None else base[None]
     for part in ("UpperArm", "ForeArm", "UpperLeg", "LowerLeg"):
-        pair = [model.limbs.get(f"{side}{part}") for side in ("Left", "Right")]
-        lengths = [float(np.linalg.norm(limb.distal - limb.proximal)) for limb in pair if limb is not None]
-        if len(lengths) == 2:
-            difference = 1000 * abs(lengths[0] - lengths[1])
-            note = f"{lengths[0]:.4f} m and {lengths[1]:.4f} m"
-            checks.append(_below(f"{part} left against right", difference, "mm", SYMMETRY_LIMIT_MM, note))
+        left, right = (model.limbs.get(f"{side}{part}") for side in ("Left", "Right"))
+        if left is None or right is None:
+            continue
+        lengths = [float(np.linalg.norm(limb.distal - limb.proximal)) for limb in (left, right)]
+        difference = 1000 * abs(lengths[0] - lengths[1])
+        note = f"{lengths[0]:.4f} m and {lengths[1]:.4f} m"
+        checks.append(_below(f"{part} left against right", difference, "mm", SYMMETRY_LIMIT_MM, note))
+        # A robot with wide ranges can reach the T-pose with its arms crossed: only where they start tells left from right.
+        rotation, origin = link_poses(model, [left.link, right.link], joints[None], turn)
+        starts = [rotation[0, i] @ limb.proximal + origin[0, i] for i, limb in enumerate((left, right))]
+        checks.append(_above(f"{part} left of the right one", 1000 * float(starts[0][1] - starts[1][1]), "mm", 0.0))
     return checks
 
 

@@ -1,0 +1,191 @@
+"""Every check of `retarget robots check` can fail: G1's and iCub's profiles with one fact made wrong at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from retarget import robots
+from retarget.core import robot_model
+from retarget.core.profile import CoupledJoints, Foot, Hand, JointLimit, RobotProfile, TposeException
+from retarget.core.robot_check import check, tpose
+from retarget.core.types import Check, HumanMotion, ValidationReport
+
+G1 = robots.load("g1")
+
+
+def report(profile: RobotProfile, **changed: Any) -> ValidationReport:
+    return check(robot_model.build(replace(profile, **changed)))
+
+
+def failed(found: ValidationReport) -> dict[str, Check]:
+    return {entry.name: entry for entry in found.checks if entry.passed is False}
+
+
+def entry(found: ValidationReport, name: str) -> Check:
+    return next(check for check in found.checks if check.name == name)
+
+
+def test_the_person_of_the_check_stands_upright_in_t_pose() -> None:
+    motion = tpose(robot_model.build(G1))
+    np.testing.assert_array_equal(motion.orientation, np.broadcast_to([1.0, 0.0, 0.0, 0.0], motion.orientation.shape))
+    assert motion.measured.all()
+
+
+def test_a_good_profile_passes_and_reports_the_posture() -> None:
+    found = report(G1)
+    assert found.passed
+    assert found.subject == "g1"
+    assert found.series["tpose_rad"].shape == (29,)
+    assert entry(found, "degrees of freedom").value == 29
+    assert entry(found, "mass").value == pytest.approx(33.34, abs=0.01)
+
+
+def test_errors_are_those_of_forward_kinematics_in_the_reported_posture() -> None:
+    """G1's left forearm in the solved T-pose, without any of the project's kinematics."""
+    model = robot_model.build(G1)
+    found = check(model)
+    data, limb = model.pin_model.createData(), model.limbs["LeftForeArm"]
+    pin.framesForwardKinematics(model.pin_model, data, model.configuration(found.series["tpose_rad"]))
+    bone = data.oMf[model.pin_model.getFrameId(limb.link)].rotation @ limb.bone
+    # The base's own orientation is solved too; it stands upright within 0.001°.
+    expected = np.degrees(np.arccos(np.clip(bone @ [0.0, 1.0, 0.0], -1, 1)))
+    assert entry(found, "T-pose LeftForeArm direction").value == pytest.approx(expected, abs=0.002)
+
+
+class TestTpose:
+    def test_a_joint_limit_in_the_way_fails_and_is_named(self) -> None:
+        limits = {"left_shoulder_roll_joint": JointLimit(upper=1.2)}
+        found = report(G1, joint_limits=limits)
+        assert set(failed(found)) >= {"T-pose LeftUpperArm direction"}
+        assert not any("Right" in name for name in failed(found))
+        assert "left_shoulder_roll_joint at its limit" in failed(found)["T-pose LeftUpperArm direction"].note
+
+    def test_an_exception_that_states_it_passes(self) -> None:
+        shorter = {
+            "joint_limits": {
+                "left_shoulder_roll_joint": JointLimit(upper=1.2),
+                "right_shoulder_roll_joint": JointLimit(lower=-1.2),
+            },
+            "reference_posture": {
+                **G1.reference_posture,
+                "left_shoulder_roll_joint": 1.2,
+                "right_shoulder_roll_joint": -1.2,
+            },
+        }
+        stated = {
+            wrong.name.split()[1]: TposeException("left_shoulder_roll_joint", round(wrong.value or 0.0, 2))
+            for wrong in failed(report(G1, **shorter)).values()
+        }
+        assert {"LeftUpperArm", "RightUpperArm"} <= set(stated)
+        found = report(G1, **shorter, tpose_exceptions=stated)
+        assert found.passed
+        assert "the profile states" in entry(found, "T-pose LeftUpperArm direction").note
+
+    def test_an_exception_of_the_wrong_size_fails(self) -> None:
+        stated = {"LeftUpperArm": TposeException("left_shoulder_roll_joint", 3.0)}
+        assert "T-pose LeftUpperArm direction" in failed(report(G1, tpose_exceptions=stated))
+
+    def test_an_exception_that_no_limit_causes_fails(self) -> None:
+        error = entry(report(G1), "T-pose LeftUpperArm direction").value
+        assert error is not None
+        stated = {"LeftUpperArm": TposeException("left_shoulder_roll_joint", error)}
+        found = failed(report(G1, tpose_exceptions=stated))["T-pose LeftUpperArm direction"]
+        assert "but left_shoulder_roll_joint is at no limit" in found.note
+
+    def test_the_mirrored_t_pose_is_as_good(self) -> None:
+        icub = robots.load("icub")
+        exchanged = {
+            ("Right" if s.startswith("Left") else "Left") + s.removeprefix("Left").removeprefix("Right")
+            if s != "T8"
+            else s: stated
+            for s, stated in icub.tpose_exceptions.items()
+        }
+        assert exchanged != icub.tpose_exceptions
+        assert report(icub, tpose_exceptions=exchanged).passed
+
+    def test_a_palm_on_the_back_of_the_hand_fails(self) -> None:
+        hand = G1.hands["Left"]
+        turned = Hand(hand.link, hand.fingers, (-hand.palm[0], -hand.palm[1], -hand.palm[2]))
+        assert "T-pose LeftHand orientation" in failed(report(G1, hands={**G1.hands, "Left": turned}))
+
+    def test_a_base_that_faces_backward_fails(self) -> None:
+        """The trunk's constants come from the reference posture with the base turned as the profile says; the limbs' do not."""
+        found = report(robots.load("icub"), base_rpy=(0.0, 0.0, 0.0))
+        assert {"T-pose LeftUpperArm direction", "T-pose LeftUpperLeg direction"} & set(failed(found))
+
+    def test_left_and_right_exchanged_fails(self) -> None:
+        links = {
+            s: G1.links[("Right" if s.startswith("Left") else "Left") + s[4 if s.startswith("Left") else 5 :]]
+            if s.startswith(("Left", "Right"))
+            else link
+            for s, link in G1.links.items()
+        }
+        assert "UpperArm left of the right one" in failed(report(G1, links=links))
+
+
+class TestModel:
+    def test_a_placeholder_speed_fails(self) -> None:
+        found = report(G1, joint_limits={"waist_yaw_joint": JointLimit(velocity=100.0)})
+        assert failed(found)["largest joint speed"].note == "waist_yaw_joint"
+
+    def test_a_joint_without_range_fails(self) -> None:
+        found = report(G1, joint_limits={"waist_yaw_joint": JointLimit(lower=0.0, upper=0.0)})
+        assert failed(found)["smallest joint range"].note == "waist_yaw_joint"
+
+    def test_a_reference_posture_beyond_the_limits_fails(self) -> None:
+        posture = {**G1.reference_posture, "left_shoulder_roll_joint": 2.5}
+        found = failed(report(G1, reference_posture=posture))["reference posture outside the joint limits"]
+        assert found.value == pytest.approx(2.5 - 2.2515)
+        assert found.note == "left_shoulder_roll_joint"
+
+    def test_a_reference_posture_beyond_a_coupled_row_fails(self) -> None:
+        row = CoupledJoints(
+            ("left_elbow_joint", "left_wrist_roll_joint"), np.array([[1.0, 1.0]]), np.array([-9.0]), np.array([1.0])
+        )
+        found = failed(report(G1, coupled=(row,)))["reference posture outside the coupled rows"]
+        assert found.value == pytest.approx(0.5708, abs=1e-4)
+
+
+class TestHandsAndFeet:
+    @pytest.mark.parametrize(
+        ("move", "name"),
+        [
+            (lambda sole: sole + np.outer([0, 0, 0, 1], [0, 0, 0.003]), "Left sole out of level in T-pose"),
+            (lambda sole: sole * [1, 1, -1], "Left ankle above its sole"),
+            (lambda sole: sole - [0, 0, 0.003], "soles at different heights"),
+        ],
+    )
+    def test_a_wrong_sole_fails(self, move: Callable[[Any], Any], name: str) -> None:
+        foot = G1.feet["Left"]
+        found = failed(report(G1, feet={**G1.feet, "Left": Foot(foot.link, move(foot.sole))}))
+        assert name in found
+
+    def test_fingers_along_the_palm_fail(self) -> None:
+        tilted = Hand(G1.hands["Left"].link, (1.0, 0.0, 0.0), (0.1, -0.995, 0.0))
+        found = report(G1, hands={**G1.hands, "Left": tilted})
+        assert "Left hand: fingers and palm not unit and perpendicular" in failed(found)
+
+    def test_limbs_of_different_lengths_fail(self) -> None:
+        """The left wrist's centre taken from the wrong place: the forearm ends at the elbow's own link tip."""
+        found = report(G1, limb_ends={"LeftForeArm": "left_wrist_yaw_link"})
+        assert "ForeArm left against right" in failed(found)
+
+
+def test_a_robot_without_limbs_says_that_nothing_was_checked() -> None:
+    found = report(G1, links={"Pelvis": "pelvis", "T8": "torso_link"}, hands={})
+    assert entry(found, "T-pose directions").passed is None
+    assert found.passed
+
+
+@pytest.mark.xfail(strict=True, reason="limb_plane builds a hinge's frame for limbs of which the robot has no hinge")
+def test_the_person_is_held_against_its_own_bones(make_motion: Callable[..., HumanMotion]) -> None:
+    """Forearms that leave the wrist 3° off the axis, as Xsens' do: the robot has the same bones, so nothing is wrong."""
+    motion = make_motion([0.0])
+    offsets = {**motion.joint_offsets, "LeftHand": 0.25 * np.array([np.sin(0.05), np.cos(0.05), 0.0])}
+    model = robot_model.build(robots.load("human"), replace(motion, joint_offsets=offsets))
+    assert entry(check(model), "T-pose LeftForeArm direction").value == pytest.approx(0.0, abs=1e-3)
