@@ -172,7 +172,7 @@ def _other_side(segment: str) -> str:
 def _held(model: RobotModel, joints: Array) -> dict[str, str]:
     """Joint → what holds it: its own position limit, or a coupled row at its bound."""
     room = np.minimum(joints - model.lower, model.upper - joints)
-    held = {}
+    held: dict[str, str] = {}
     for names, slack in _row_slacks(model, joints):
         if slack < AT_LIMIT_RAD:
             held |= dict.fromkeys(names, f"{', '.join(names)} at the bound of a coupled row")
