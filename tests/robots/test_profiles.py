@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from retarget import robots
-from retarget.core import robot_model
+from retarget.core import robot_model, rotations
+from retarget.core.mapping import limb_plane
 from retarget.core.robot_check import check
 from retarget.core.robot_model import RobotModel
+from retarget.core.solve.dynamical import DynamicalOptions, solve
+from retarget.core.solve.problem import orientation_problem
 from retarget.core.types import HumanMotion
 
 DEGREES_OF_FREEDOM = {"baxter": 15, "g1": 29, "human": 66, "icub": 32, "talos": 30}
@@ -142,3 +146,35 @@ def test_icub_stays_where_its_cables_let_it(make_motion: Callable[..., HumanMoti
         value = rows.matrix @ joints[[icub.joint_index(name) for name in rows.joints]]
         assert (value >= rows.lower).all()
         assert (value <= rows.upper).all()
+
+
+ALL_SEVEN = """
+[[coupled]]
+joints = ["{s}_shoulder_pitch", "{s}_shoulder_roll", "{s}_shoulder_yaw", "{s}_elbow", "{s}_wrist_prosup"]
+rows = [
+    [1.7105, -1.7105, 0, 0, 0], [1.7105, -1.7105, -1.7105, 0, 0], [0, 1, 1, 0, 0], [0, 1, 0.0427, 0, 0], [0, 1, 0, 0, 0],
+    [0, 0, 0, 2.5, 1], [0, 0, 0, -2.5, 1],
+]
+lower_rad = [-6.0563, -6.3979, -1.1623, 0.4611, -1000, -1000, -5.2796]
+upper_rad = [1000, 1.9622, 3.7228, 1000, 1.7453, 5.2796, 1000]
+"""
+
+
+def test_a_variant_of_icub_keeps_its_arms_off_the_body(tmp_path: Path, make_motion: Callable[..., HumanMotion]) -> None:
+    """All seven rows of [Darvish2019]; the zero posture breaks the fourth, and so would arms that hang straight down."""
+    path = tmp_path / "guarded.toml"
+    path.write_text('extends = "icub"\n' + "".join(ALL_SEVEN.format(s=side) for side in "lr"), encoding="utf-8")
+    variant = robot_model.build(robots.load(str(path)))
+    hanging = {
+        f"{side}{part}": rotations.exp([sign * np.pi / 2, 0.0, 0.0])
+        for side, sign in (("Left", -1), ("Right", 1))
+        for part in ("UpperArm", "ForeArm", "Hand")
+    }
+    targets = limb_plane.targets(make_motion(np.arange(3) / 60, hanging), variant)
+    joints = solve(orientation_problem(targets, variant, free_base=True), DynamicalOptions()).joints[-1]
+    for rows in variant.coupled:
+        value = rows.matrix @ joints[[variant.joint_index(name) for name in rows.joints]]
+        assert (value >= rows.lower).all()
+        assert (value <= rows.upper).all()
+        assert value[3] == pytest.approx(0.4611, abs=1e-4)  # as far down as the row lets them
+        assert not (rows.matrix @ np.zeros(5) >= rows.lower).all()
