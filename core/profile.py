@@ -99,6 +99,8 @@ class RobotProfile:
     base_rpy: fixed-axis roll, pitch, yaw (rad) of the base link when the robot stands upright and faces +X.
     links: segment → link name. reference_posture: joint → rad, an approximate T-pose, absent joints at 0 clipped into limits.
     limb_ends: limb segment → link whose origin ends the limb where no mapped link follows it.
+    default_velocity_limit: rad/s, caps every joint's speed and stands in where the URDF states none. joint_limits: joint, or pattern with *,
+    → overrides, which win over the cap; of several that match a joint each adds to those before. locked_joints: may be patterns, too.
     """
 
     name: str
