@@ -43,7 +43,8 @@ def deserialize(name: str, place: str, payload: memoryview, message_type: str) -
 
 def stamps_of(rows: Rows, slot: str = "") -> Stamps:
     """Header stamps (K,) of `rows` in ns."""
-    return rows[f"{slot}sec"].astype(np.int64) * 1_000_000_000 + rows[f"{slot}nanosec"]
+    stamps: Stamps = rows[f"{slot}sec"].astype(np.int64) * 1_000_000_000 + rows[f"{slot}nanosec"]
+    return stamps
 
 
 class JointStates:

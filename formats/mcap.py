@@ -21,6 +21,8 @@ parent, interpolated to the joint states' stamps.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import BinaryIO
 
 import numpy as np
@@ -40,41 +42,90 @@ _CHUNK_BYTES = 1 << 20
 def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str = "default") -> None:
     """Write `trajectory` as MCAP to a stream that need not seek. Raises `RetargetError` for times that MCAP can't hold."""
     stamps = _stamps(trajectory.time)
-    topics, layout, slots, values = _frame_layout(trajectory)
-    first = int(stamps[0])
-    prefix: list[tuple[int, bytes]] = []
+    frame = _frame_of(trajectory)
+    once: list[tuple[int, bytes]] = []
     if trajectory.base_position is None:
-        prefix.append((_declare(topics, "/tf_static", TF_MESSAGE), _static_identity(trajectory.base_frame)))
+        once.append((frame.declare("/tf_static", TF_MESSAGE), _static_identity(trajectory.base_frame)))
     if trajectory.robot_description:
-        prefix.append((_declare(topics, "/robot_description", STRING), _text_message(trajectory.robot_description)))
-    file = McapFile(stream, topics, {METADATA: _metadata(trajectory)})
-    if prefix:
-        _write_once(file, prefix, first)
-    size = len(layout.template)
+        once.append((frame.declare("/robot_description", STRING), _text_message(trajectory.robot_description)))
+    file = McapFile(stream, frame.topics, {METADATA: _metadata(trajectory)})
+    if once:
+        _write_once(file, once, int(stamps[0]))
+    _write_frames(file, frame, stamps)
+    file.finish()
+
+
+class _Frame:
+    """What every frame writes: one row that holds a message of each topic, and the arrays that go into its slots."""
+
+    def __init__(self) -> None:
+        self.topics: list[Topic] = []
+        self.layout = _cdr.Layout()
+        self.records: dict[int, tuple[str, int]] = {}
+        """By channel id: the prefix of its slots, and where its record starts in the row."""
+        self.values: dict[str, NDArray[np.generic]] = {}
+        """Arrays (T, …) by slot."""
+
+    def declare(self, topic: str, message_type: str) -> int:
+        """Add a topic and return its channel id."""
+        definition, _ = typestore().generate_msgdef(message_type, ros_version=2)
+        self.topics.append(Topic(topic, message_type, definition))
+        return len(self.topics)
+
+    @contextmanager
+    def message(self, topic: str, message_type: str, slot: str) -> Iterator[_cdr.Layout]:
+        """Add a topic whose message, laid out in the body, every frame writes."""
+        channel = self.declare(topic, message_type)
+        self.records[channel] = slot, len(self.layout.template)
+        with message_record(self.layout, channel, slot):
+            yield self.layout
+
+
+def _frame_of(trajectory: JointTrajectory) -> _Frame:
+    frame = _Frame()
+    count = len(trajectory.joint_names)
+    with frame.message("/joint_states", JOINT_STATE, "joint.") as layout:
+        _cdr.joint_state(layout, "", trajectory.joint_names, count, count, slot="joint.")
+    frame.values |= {"joint.position": trajectory.position, "joint.velocity": trajectory.velocity}
+    if trajectory.base_position is not None and trajectory.base_orientation is not None:
+        with frame.message("/tf", TF_MESSAGE, "tf.") as layout:
+            _cdr.transform(layout, _parent_of(trajectory.base_frame), trajectory.base_frame, slot="tf.")
+        xyzw = trajectory.base_orientation[:, [1, 2, 3, 0]]
+        frame.values |= {"tf.translation": trajectory.base_position, "tf.rotation": xyzw}
+    linear, angular = trajectory.base_linear_velocity, trajectory.base_angular_velocity
+    if linear is not None or angular is not None:
+        with frame.message("/base_twist", TWIST, "twist.") as layout:
+            _cdr.twist(layout, WORLD, slot="twist.")
+        unknown = np.full((trajectory.frames, 3), np.nan)
+        frame.values["twist.linear"] = unknown if linear is None else linear
+        frame.values["twist.angular"] = unknown if angular is None else angular
+    if trajectory.status.any():
+        with frame.message("/frame_status", INT8, "status.") as layout:
+            _cdr.int8(layout, slot="status.")
+        frame.values["status.data"] = trajectory.status
+    return frame
+
+
+def _write_frames(file: McapFile, frame: _Frame, stamps: Stamps) -> None:
+    """Write every frame's messages, as many frames a chunk as fit; the rows of one chunk are the template of the next."""
+    layout, size = frame.layout, len(frame.layout.template)
     count = min(max(1, _CHUNK_BYTES // size), len(stamps))
     rows = layout.rows(count)
     row_starts = np.arange(count, dtype=np.uint64) * np.uint64(size)
     seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
     for start in range(0, len(stamps), count):
         part = slice(start, min(start + count, len(stamps)))
-        block = rows[: part.stop - start]
-        for slot in slots.values():
+        block, indexes = rows[: part.stop - start], {}
+        for slot_name, array in frame.values.items():
+            block[slot_name] = array[part]
+        for channel, (slot, offset) in frame.records.items():
             block[f"{slot}sequence"] = np.arange(part.start, part.stop)
             block[f"{slot}log_time"] = block[f"{slot}publish_time"] = stamps[part]
             if f"{slot}sec" in layout.slots:
                 block[f"{slot}sec"], block[f"{slot}nanosec"] = seconds[part], nanoseconds[part]
-        for slot_name, array in values.items():
-            block[slot_name] = array[part]
-        indexes = {}
-        for channel, slot in slots.items():
-            record = np.uint64(layout.slots[f"{slot}sequence"][1] - _BEFORE_SEQUENCE)
-            indexes[channel] = np.stack([stamps[part].astype(np.uint64), row_starts[: len(block)] + record], axis=1)
-        file.chunk(block.view(np.uint8), indexes)
-    file.finish()
-
-
-# opcode, length and channel id come before a message record's sequence number
-_BEFORE_SEQUENCE = 1 + 8 + 2
+            places = row_starts[: len(block)] + np.uint64(offset)
+            indexes[channel] = np.stack([stamps[part].astype(np.uint64), places], axis=1)
+        file.chunk(block.view(np.uint8).data, indexes)
 
 
 def _stamps(time: Array) -> Stamps:
@@ -91,53 +142,6 @@ def _stamps(time: Array) -> Stamps:
             f"mcap: frames {frame - 1} and {frame} are less than a nanosecond apart, at {time[frame]!r} s"
         )
     return stamps
-
-
-def _declare(topics: list[Topic], topic: str, message_type: str) -> int:
-    """Add a channel and return its id."""
-    definition, _ = typestore().generate_msgdef(message_type, ros_version=2)
-    topics.append(Topic(topic, message_type, definition))
-    return len(topics)
-
-
-def _frame_layout(
-    trajectory: JointTrajectory,
-) -> tuple[list[Topic], _cdr.Layout, dict[int, str], dict[str, NDArray[np.generic]]]:
-    """What every frame writes: the topics, one row that holds a message of each, slot prefix by channel id, arrays by slot name."""
-    topics: list[Topic] = []
-    layout = _cdr.Layout()
-    slots: dict[int, str] = {}
-    values: dict[str, NDArray[np.generic]] = {}
-
-    channel = _declare(topics, "/joint_states", JOINT_STATE)
-    slots[channel] = slot = "joint."
-    count = len(trajectory.joint_names)
-    with message_record(layout, channel, slot):
-        _cdr.joint_state(layout, "", trajectory.joint_names, count, count, slot=slot)
-    values |= {f"{slot}position": trajectory.position, f"{slot}velocity": trajectory.velocity}
-    if trajectory.base_position is not None and trajectory.base_orientation is not None:
-        channel = _declare(topics, "/tf", TF_MESSAGE)
-        slots[channel] = slot = "tf."
-        with message_record(layout, channel, slot):
-            _cdr.transform(layout, _parent_of(trajectory.base_frame), trajectory.base_frame, slot=slot)
-        xyzw = trajectory.base_orientation[:, [1, 2, 3, 0]]
-        values |= {f"{slot}translation": trajectory.base_position, f"{slot}rotation": xyzw}
-    linear, angular = trajectory.base_linear_velocity, trajectory.base_angular_velocity
-    if linear is not None or angular is not None:
-        channel = _declare(topics, "/base_twist", TWIST)
-        slots[channel] = slot = "twist."
-        with message_record(layout, channel, slot):
-            _cdr.twist(layout, WORLD, slot=slot)
-        unknown = np.full((trajectory.frames, 3), np.nan)
-        values[f"{slot}linear"] = unknown if linear is None else linear
-        values[f"{slot}angular"] = unknown if angular is None else angular
-    if trajectory.status.any():
-        channel = _declare(topics, "/frame_status", INT8)
-        slots[channel] = slot = "status."
-        with message_record(layout, channel, slot):
-            _cdr.int8(layout, slot=slot)
-        values[f"{slot}data"] = trajectory.status
-    return topics, layout, slots, values
 
 
 def _parent_of(base_frame: str) -> str:
@@ -170,7 +174,7 @@ def _write_once(file: McapFile, messages: list[tuple[int, bytes]], stamp: int) -
         row["log_time"] = row["publish_time"] = stamp
         indexes[channel] = np.array([[stamp, len(data)]], np.uint64)
         data += row.tobytes()
-    file.chunk(data, indexes)
+    file.chunk(memoryview(data), indexes)
 
 
 def _metadata(trajectory: JointTrajectory) -> dict[str, str]:

@@ -85,6 +85,14 @@ def test_columns_may_stand_in_any_order_and_lines_end_in_any_way() -> None:
         np.testing.assert_array_equal(back.status, SMALL.status)
 
 
+def test_quaternions_of_others_are_made_unit_and_continuous() -> None:
+    header = "time_s,base_x_m,base_y_m,base_z_m,base_qw,base_qx,base_qy,base_qz\n"
+    back = read(header + "0,0,0,0,0.6,0,0,0.8\n1,0,0,0,-0.6001,0,0,-0.8\n")
+    assert back.base_orientation is not None
+    expected = np.array([[0.6, 0, 0, 0.8], np.array([0.6001, 0, 0, 0.8]) / np.hypot(0.6001, 0.8)])
+    np.testing.assert_allclose(back.base_orientation, expected, rtol=0, atol=1e-15)
+
+
 def test_columns_of_others_are_left_out_and_said() -> None:
     back = read("time_s,q_a_rad,dq_a_rad_s,tau_a_Nm\n0,1,2,3\n1,2,3,4\n")
     np.testing.assert_array_equal(back.position, [[1], [2]])

@@ -121,11 +121,28 @@ def test_velocity_missing_in_one_message_only() -> None:
 
 def test_unsorted_and_repeated_stamps() -> None:
     recorder = Recorder()
-    for stamp, value in ((30, 3), (10, 1), (20, 2), (10, 9)):
-        recorder.add("/joint_states", joints(stamp, {"a": value}, [0.0]))
+    rng = np.random.default_rng(0)
+    # Each stamp three times, in any order; the first to come counts.
+    order = rng.permutation(np.repeat(np.arange(50), 3))
+    first: dict[int, int] = {}
+    for i, stamp in enumerate(order.tolist()):
+        recorder.add("/joint_states", joints(100 + stamp, {"a": i}, [0.0]))
+        first.setdefault(stamp, i)
     back = recorder.read()
-    np.testing.assert_array_equal(back.position[:, 0], [1, 2, 3])
-    assert "1 joint states repeat a stamp" in back.provenance["warnings"][0]
+    assert back.position[:, 0].tolist() == [first[stamp] for stamp in range(50)]
+    assert "100 joint states repeat a stamp" in back.provenance["warnings"][0]
+
+
+def test_chunk_that_contradicts_its_checksum() -> None:
+    """Most recorders leave the checksum of the whole file out but give one for each chunk."""
+    recorder = Recorder(compression=CompressionType.NONE)
+    recorder.add("/joint_states", joints(0, {"a": 1.2345}, [0.0]))
+    recorder.writer.finish()
+    data = recorder.out.getvalue()
+    at = data.index(np.float64(1.2345).tobytes())
+    assert mcap.read_trajectory(io.BytesIO(data), "walk.mcap").position[0, 0] == 1.2345
+    with pytest.raises(FormatError, match="damaged chunk: crc validation failed"):
+        mcap.read_trajectory(io.BytesIO(data[:at] + b"\x42" + data[at + 1 :]), "walk.mcap")
 
 
 def test_without_stamps_the_log_time_counts() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import resource
@@ -137,6 +138,22 @@ def test_full_disk_keeps_the_old_file(tmp_path: Path, make_trajectory: Maker, na
     assert not isinstance(caught.value, UsageError)
     assert path.read_bytes() == b"precious"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_disk_that_is_found_full_only_when_flushed(
+    tmp_path: Path, trajectory: JointTrajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As network shares do: every write is accepted, and the last flush fails."""
+    path = tmp_path / "walk.mcap"
+    path.write_bytes(b"precious")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RetargetError, match=r"walk\.mcap: can't be written: no space left on device$"):
+        formats.write_trajectory(path, trajectory, overwrite=True)
+    assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"precious"]
 
 
 @pytest.mark.parametrize("name", [n for n in WRITABLE if formats.get(n).pipeable])

@@ -14,7 +14,7 @@ from retarget.core.errors import FormatError, UnknownNameError
 from retarget.formats import _registry
 from retarget.formats.base import Format
 
-HEAVY = ("h5py", "rosbags", "mcap", "mujoco", "pinocchio", "lz4")
+HEAVY = ("h5py", "rosbags", "mcap", "mujoco", "pinocchio", "lz4", "zstandard")
 
 
 def test_names_are_the_modules_of_the_folder() -> None:
@@ -55,6 +55,14 @@ def test_every_format_is_called_as_its_module_and_no_suffix_has_two() -> None:
 )
 def test_suffix_first_then_magic(path: str, head: bytes, name: str) -> None:
     assert formats.detect(path, head).name == name
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_longest_suffix_wins(order: int) -> None:
+    pair = [Format("packed", "", suffixes=(".gz",)), Format("gait", "", suffixes=(".gait", ".gait.gz"))][::order]
+    known = {format_.name: format_ for format_ in pair}
+    found = [_registry.of_suffix(path, known) for path in ("a.gait.gz", "a.gz", "a.gait", "a")]
+    assert [format_ and format_.name for format_ in found] == ["gait", "packed", "gait", None]
 
 
 def test_unknown_content_names_the_near_and_all_readable_suffixes() -> None:

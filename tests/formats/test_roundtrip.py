@@ -49,10 +49,9 @@ def trajectories(draw: st.DrawFn) -> JointTrajectory:
     changes: dict[str, Any] = {}
     if draw(optional):
         turns = draw(arrays(np.float64, (frames, 3), elements=st.floats(-1e3, 1e3)))
-        changes = {
-            "base_position": numbers(frames, 3),
-            "base_orientation": rotations.make_continuous(rotations.exp(turns)),
-        }
+        # As far from unit as the type allows.
+        orientation = rotations.make_continuous(rotations.exp(turns)) * (1 + draw(st.floats(-4e-7, 4e-7)))
+        changes = {"base_position": numbers(frames, 3), "base_orientation": orientation}
     for name in ("base_linear_velocity", "base_angular_velocity"):
         if draw(optional):
             changes[name] = numbers(frames, 3)
