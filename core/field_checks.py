@@ -79,7 +79,7 @@ def read_only(name: str, value: ArrayLike, dtype: type[np.generic]) -> Array:
         raise InvalidDataError(f"{name}: found rows of unequal lengths, expected an array of numbers") from None
     if given.dtype.kind not in "biuf":
         raise InvalidDataError(f"{name}: found {given.dtype} values, expected an array of numbers")
-    if given is value and given.dtype == dtype and given.flags.c_contiguous and _nobody_can_write_to(given):
+    if given.dtype == dtype and given.flags.c_contiguous and _nobody_can_write_to(given):
         return given
     with np.errstate(invalid="ignore", over="ignore"):  # what doesn't fit is refused below, in our own words
         array = np.array(given, dtype, order="C")

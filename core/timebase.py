@@ -45,10 +45,10 @@ def cut(motion: HumanMotion, start: float | None, end: float | None) -> HumanMot
 
 
 def resample(motion: HumanMotion, rate_hz: float, anchor_s: float | None = None) -> HumanMotion:
-    """The motion at `rate_hz`, never beyond its first and last frame; one frame falls on `anchor_s` (its first when None).
+    """The motion at `rate_hz`, never beyond its first and last frame; one frame falls on `anchor_s`, a time in it (its first when None).
 
     Positions and angular velocities linearly, orientations along the shortest arc, contacts from the nearest frame.
-    Raises `UsageError` for a rate that is not positive and finite.
+    Raises `UsageError` for a rate that is not positive and finite, and for an anchor outside the motion.
     """
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise UsageError(f"rate {rate_hz:g} Hz; expected a positive number")
@@ -57,8 +57,10 @@ def resample(motion: HumanMotion, rate_hz: float, anchor_s: float | None = None)
     if steps >= 50_000_000:
         raise UsageError(f"rate {rate_hz:g} Hz gives {steps:.3g} frames; expected at most 50 million")
     anchor = t[0] if anchor_s is None else anchor_s
-    before, after = int((anchor - t[0]) * rate_hz + 1e-6), int((t[-1] - anchor) * rate_hz + 1e-6)
-    new = np.clip(anchor + np.arange(-before, after + 1) / rate_hz, t[0], t[-1])
+    if not t[0] - CLOCK_SLACK_S <= anchor <= t[-1] + CLOCK_SLACK_S:
+        raise UsageError(f"anchor {anchor:g} s; expected a time from {t[0]:g} s to {t[-1]:g} s")
+    first, last = np.ceil((t[0] - anchor) * rate_hz - 1e-6), np.floor((t[-1] - anchor) * rate_hz + 1e-6)
+    new = np.clip(anchor + np.arange(first, last + 1) / rate_hz, t[0], t[-1])
     if len(new) == len(t) and np.allclose(new, t, rtol=0, atol=1e-9):
         return motion
     if len(t) == 1:

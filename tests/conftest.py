@@ -7,12 +7,17 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 from retarget.core import rotations
 from retarget.core.segments import PARENT
 from retarget.core.types import Array, HumanMotion
+
+# How long an example takes says nothing about whether it is right, least of all on a busy machine.
+hypothesis.settings.register_profile("untimed", deadline=None)
+hypothesis.settings.load_profile("untimed")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

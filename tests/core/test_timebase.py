@@ -27,6 +27,11 @@ def walk_and_spin(make_motion: MotionFactory, time: Array, **fields: object) -> 
     return make_motion(time, {**still, "Head": spin, "LeftHand": spin}, pelvis=time[:, None] * DRIFT_M_S, **fields)
 
 
+def still(time: Array) -> HumanMotion:
+    """One segment that does nothing."""
+    return HumanMotion(time, ("Pelvis",), np.tile([1.0, 0, 0, 0], (len(time), 1, 1)), np.zeros((len(time), 1, 3)))
+
+
 class TestCut:
     @pytest.mark.parametrize("rate_hz", [30, 50, 60, 72, 90, 100, 120, 148.8, 240])
     def test_whole_seconds_keep_both_boundary_frames_at_every_rate(
@@ -108,14 +113,42 @@ class TestResample:
         start=st.sampled_from([0.0, 1e4]),
     )
     def test_never_beyond_the_recording_and_no_frame_short(
-        self, make_motion: MotionFactory, count: int, old_hz: float, new_hz: float, start: float
+        self, count: int, old_hz: float, new_hz: float, start: float
     ) -> None:
         time = start + np.arange(count) / old_hz
-        found = timebase.resample(make_motion(time), new_hz).time
+        found = timebase.resample(still(time), new_hz).time
         assert found[0] == time[0]
         assert found[-1] <= time[-1]
         assert time[-1] - found[-1] < 1 / new_hz
         assert len(found) == 1 or np.abs(np.diff(found) - 1 / new_hz).max() < 1.1e-6 / new_hz + 1e-11
+
+    @given(new_hz=st.floats(0.5, 300), anchor=st.floats(0, 199 / 60))
+    def test_a_frame_falls_on_the_anchor(self, new_hz: float, anchor: float) -> None:
+        """Whatever the part of a clip: all of its frames that an anchored grid has, and no other."""
+        time = np.arange(200) / 60
+        found = timebase.resample(still(time), new_hz, anchor_s=anchor).time
+        assert np.abs(found - anchor).min() < 1e-9
+        steps = (found - anchor) * new_hz
+        assert np.abs(steps - np.round(steps)).max() < 2e-6
+        assert 0 <= found[0] < 1 / new_hz
+        assert time[-1] - 1 / new_hz < found[-1] <= time[-1]
+
+    @pytest.mark.parametrize("rate_hz", [60, 148.8, 240])
+    def test_anchored_at_any_frame_the_own_rate_changes_nothing(self, rate_hz: float) -> None:
+        """Rounding of the frame times must not cost the first frame or the last."""
+        motion = still(5 + np.cumsum(np.full(200, 1 / rate_hz)))
+        for anchor in motion.time:
+            assert timebase.resample(motion, rate_hz, anchor_s=anchor) is motion
+
+    def test_a_frame_that_rounding_puts_beyond_the_end_falls_on_the_end(self) -> None:
+        time = 5 + np.arange(61) / 60
+        found = timebase.resample(still(time), 30 - 5e-7).time  # 30 steps fit but for half a millionth
+        assert len(found) == 31
+        assert found[-1] == time[-1]
+
+    def test_an_anchor_outside(self, make_motion: MotionFactory) -> None:
+        with pytest.raises(UsageError, match=r"^anchor 1\.5 s; expected a time from 0 s to 1 s$"):
+            timebase.resample(make_motion([0.0, 1.0]), 60, anchor_s=1.5)
 
     @pytest.mark.parametrize("rate_hz", [60, 148.8, 240])
     def test_the_recordings_own_rate_changes_nothing(self, make_motion: MotionFactory, rate_hz: float) -> None:
@@ -146,6 +179,15 @@ class TestResample:
         spin = rotations.exp(25.0 * time[:, None] * AXIS)  # 2.5 rad a frame, just short of half a turn
         found = timebase.resample(make_motion(time, {"Head": spin}), 77)
         truth = rotations.exp(25.0 * found.time[:, None] * AXIS)
+        assert rotations.angle(found.orientation[:, found.index("Head")], truth).max() < 1e-12
+
+    def test_a_spin_of_more_than_half_a_turn_between_the_new_frames(self, make_motion: MotionFactory) -> None:
+        time = np.arange(120) / 60
+        found = timebase.resample(make_motion(time, {"Head": rotations.exp(20.0 * time[:, None] * AXIS)}), 5)
+        truth = rotations.exp(
+            20.0 * found.time[:, None] * AXIS
+        )  # 4 rad a frame: neighbours lie in opposite hemispheres
+        assert (np.einsum("ti,ti->t", truth[1:], truth[:-1]) < 0).any()
         assert rotations.angle(found.orientation[:, found.index("Head")], truth).max() < 1e-12
 
     def test_untracked_stays_untracked(self, make_motion: MotionFactory) -> None:
@@ -291,7 +333,8 @@ class TestSmooth:
         assert kernel.sum() == pytest.approx(1, abs=1e-15)
         assert not kernel[:85].any()
         assert not kernel[116:].any()
-        assert (np.diff(inside[:16]) > 0).all()
+        flank = 1 - timebase.minimum_jerk(np.arange(16) / 16)  # zero one frame beyond the window
+        assert np.abs(inside[15:] / inside[15] - flank).max() < 1e-14
 
     @pytest.mark.parametrize("frequency_hz", [0.5, 1.0, 3.0])
     def test_a_sine_keeps_its_phase(self, frequency_hz: float) -> None:

@@ -73,7 +73,7 @@ def test_unit_and_perpendicular_to_the_bone(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", LIMBS)
-@pytest.mark.parametrize("misfit_deg", [-25.0, 10.0, 40.0, 75.0, 97.0, -110.0])
+@pytest.mark.parametrize("misfit_deg", [-25.0, 10.0, 40.0, 75.0, 97.0, -110.0, 150.0])
 def test_a_bent_limb_shows_its_hinge_however_wrong_the_own_twist(kind: str, misfit_deg: float) -> None:
     """Real recordings have own twists that are off by 40 to 97° from planes that are plain to see."""
     time = np.arange(240) / RATE_HZ
