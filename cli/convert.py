@@ -52,6 +52,13 @@ if TYPE_CHECKING:
 @click.option("--start", "start_s", type=o.Number("S"), help="Leave out frames before this time of the recording.")
 @click.option("--end", "end_s", type=o.Number("S"), help="Leave out frames after this time of the recording.")
 @click.option(
+    "--smooth",
+    "smooth_s",
+    type=o.Number("S", least=0),
+    default=0.0,
+    help="Average the result over ± this time, without lag; limits hold all the same. [default: none]",
+)
+@click.option(
     "--kernel",
     type=click.Choice(["auto", "numpy", "compiled"]),
     default="auto",

@@ -55,12 +55,12 @@ class Name(_ParamType[str]):
 
 
 class Number(_ParamType[float]):
-    """A finite number, above `above` where that is given; Python's float() alone would take "nan" and "inf"."""
+    """A finite number, above `above` or from `least` on; Python's float() alone would take "nan" and "inf"."""
 
     name = "number"
 
-    def __init__(self, metavar: str, *, above: float = -math.inf) -> None:
-        self.metavar, self.above = metavar, above
+    def __init__(self, metavar: str, *, above: float = -math.inf, least: float = -math.inf) -> None:
+        self.metavar, self.above, self.least = metavar, above, least
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         return self.metavar
@@ -70,8 +70,12 @@ class Number(_ParamType[float]):
             number = float(value)
         except ValueError:
             number = math.nan
-        if not math.isfinite(number) or number <= self.above:
-            wanted = "a number" if self.above == -math.inf else f"a number above {self.above:g}"
+        if not math.isfinite(number) or number <= self.above or number < self.least:
+            wanted = "a number"
+            if self.above > -math.inf:
+                wanted = f"a number above {self.above:g}"
+            elif self.least > -math.inf:
+                wanted = f"a number of at least {self.least:g}"
             self.fail(f"found '{value}', expected {wanted}.", param, ctx)
         return number
 

@@ -137,6 +137,15 @@ def test_part_of_the_recording_at_another_rate(run: Run, walk: Path) -> None:
     np.testing.assert_allclose(np.diff(trajectory.time), 0.01, atol=1e-8)
 
 
+def test_smoothing_lowers_the_jerk_and_keeps_the_limits(run: Run, walk: Path) -> None:
+    rough, smooth = (
+        json.loads(run("convert", walk, "--robot", "g1", "--json", "-q", "--force", *options).stdout)["metrics"]
+        for options in ([], ["--smooth", "0.1"])
+    )
+    assert smooth["jerk_rms_rad_s3"] < 0.5 * rough["jerk_rms_rad_s3"]
+    assert smooth["position_limit_violations"] == smooth["velocity_limit_violations"] == 0
+
+
 def test_stdin_and_stdout(program, walk: Path, tmp_path: Path) -> None:
     done = program("convert", "-", "--robot", "g1", "-o", "-", input=walk.read_bytes())
     assert done.returncode == 0

@@ -23,6 +23,7 @@ USAGE = {
     "not a number": (["convert", "w", "--robot", "icub", "--rate", "fast"], "found 'fast', expected a number above 0"),
     "NaN": (["convert", "w", "--robot", "icub", "--rate", "nan"], "found 'nan', expected a number above 0"),
     "negative rate": (["convert", "w", "--robot", "icub", "--rate", "-5"], "found '-5', expected a number above 0"),
+    "negative smoothing": (["convert", "w", "--robot", "icub", "--smooth", "-1"], "expected a number of at least 0"),
     "infinite start": (["convert", "w", "--robot", "icub", "--start", "inf"], "found 'inf', expected a number"),
     "shard": (["convert", "w", "--robot", "icub", "--shard", "5/4"], "expected I/N with 1 ≤ I ≤ N"),
     "no jobs": (["convert", "w", "--robot", "icub", "--jobs", "0"], "--jobs"),
