@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from retarget.core.errors import FormatError, RetargetError, UsageError, nearest
 from retarget.formats import _registry
@@ -91,7 +91,7 @@ class _Rejoined(io.RawIOBase):
     def readable(self) -> bool:
         return True
 
-    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]  # typeshed's Buffer is not sliceable
+    def readinto(self, buffer: Any) -> int:
         block: bytes | memoryview = self._head[: len(buffer)]
         self._head = self._head[len(block) :]
         if not block:

@@ -49,14 +49,6 @@ def parse_provenance(name: str, text: str) -> dict[str, Any]:
     return value
 
 
-def parse_names(name: str, place: str, text: str) -> tuple[str, ...]:
-    """A JSON list of strings."""
-    value = parse_json(name, place, text)
-    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-        raise FormatError(name, "found other JSON", place=place, expected="a list of strings")
-    return tuple(value)
-
-
 def parse_json(name: str, place: str, text: str) -> Any:
     """JSON text as Python values; `FormatError` naming `place` otherwise."""
     try:
@@ -77,7 +69,7 @@ def differentiate(time: Array, values: Array) -> Array:
     """d/dt of `values` (T, k) at `time` (T,) s: central differences, one-sided at both ends, zero for a single frame."""
     if len(time) < 2:
         return np.zeros_like(values)
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         return np.asarray(np.gradient(values, time, axis=0))
 
 

@@ -164,7 +164,7 @@ def test_full_device_behind_a_stream(make_trajectory: Maker, name: str, bufferin
         pytest.skip("needs /dev/full")
     stream = full.open("wb", buffering=buffering)
     with pytest.raises(RetargetError, match="output stream: can't be written: no space left on device"):
-        formats.write_trajectory_stream(stream, make_trajectory(frames=2000), name)  # type: ignore[arg-type]  # raw or buffered
+        formats.write_trajectory_stream(stream, make_trajectory(frames=2000), name)
     assert not stream.closed
     getattr(stream, "raw", stream).close()
 
@@ -235,14 +235,14 @@ class _Pipe(io.RawIOBase):
     def writable(self) -> bool:
         return True
 
-    def write(self, data: bytes | memoryview, /) -> int:  # type: ignore[override]  # typeshed's Buffer has no length
+    def write(self, data: bytes | memoryview, /) -> int:
         self.data += bytes(data[:100])
         return min(len(data), 100)
 
 
 def test_stream_that_cannot_seek_gets_the_same_bytes(tmp_path: Path, trajectory: JointTrajectory) -> None:
     pipe = _Pipe()
-    formats.write_trajectory_stream(pipe, trajectory)  # type: ignore[arg-type]  # a raw stream, as an unbuffered stdout is
+    formats.write_trajectory_stream(pipe, trajectory)
     formats.write_trajectory(tmp_path / "walk.mcap", trajectory)
     assert pipe.data == (tmp_path / "walk.mcap").read_bytes()
     assert not pipe.closed

@@ -92,7 +92,7 @@ def _plugin(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
 def test_plugin_is_found_by_its_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
     module = types.ModuleType("plugin_of_others")
     plugin = Format("gait", "a plugin", suffixes=(".gait",), magic=(b"GAIT",))
-    module.FORMAT = plugin  # type: ignore[attr-defined]  # a module made here has no declared attributes
+    module.FORMAT = plugin
     monkeypatch.setitem(sys.modules, "plugin_of_others", module)
     for value in ("plugin_of_others", "plugin_of_others:FORMAT"):
         _plugin(monkeypatch, "gait", value)
