@@ -20,7 +20,7 @@ from retarget.core.types import Array, HumanMotion, Targets, Task
 
 WEIGHTS = {
     "Pelvis": 1.0,
-    "T8": 0.3,
+    "T8": 1.0,
     "Head": 0.3,
     "Hand": 0.03,
     "Foot": 0.1,
@@ -29,7 +29,13 @@ WEIGHTS = {
     "UpperLeg": 1.0,
     "LowerLeg": 1.0,
 }
-TWIST_WEIGHTS = {"UpperArm": 0.05, "ForeArm": 0.0, "UpperLeg": 0.1, "LowerLeg": 0.0}
+"""Weights of orientation tasks by segment, sides alike. Hands and feet have few joints of their own: they must not bend limbs."""
+OTHER_WEIGHT = 0.3
+TWIST_WEIGHTS = {"T8": 0.2, "UpperArm": 0.05, "ForeArm": 0.0, "UpperLeg": 0.1, "LowerLeg": 0.0}
+"""How much a rotation about the segment's own long axis counts beside one across it. A robot whose arm can't reach across its chest may turn
+the chest, but it should not lean."""
+LONG_AXES = {"T8": (0.0, 0.0, 1.0)}
+"""Long axes, in T-pose axes, of segments that are no limbs."""
 LIMBS = {"UpperArm": "ForeArm", "UpperLeg": "LowerLeg"}
 
 
@@ -37,31 +43,47 @@ def targets(motion: HumanMotion, model: RobotModel) -> Targets:
     """One orientation task per measured and mapped segment.
 
     Limb segments whose robot side is known by geometry aim at the person's bone direction (weight 1) with the limb plane's twist
-    (lower weight); every other segment, and limbs of which only one bone is measured, at the segment's own orientation.
+    (lower weight); every other segment, limbs of which only one bone is measured, and limbs without a hinge on the robot (the 66-joint
+    person) at the segment's own orientation.
     """
     constants = from_geometry(model)
     parameters = model.profile.mappings.get("limb_plane", MappingParameters())
     orientation = {s: motion.orientation[:, motion.index(s)] for s in model.links if motion.has(s)}
     for upper, lower in ((f"{side}{u}", f"{side}{w}") for side in ("Left", "Right") for u, w in LIMBS.items()):
-        if upper in orientation and lower in orientation:
+        if upper in orientation and lower in orientation and _has_hinge(model, upper):
             orientation[upper], orientation[lower] = limb_orientations(motion, upper, lower)
     tasks = []
     for segment, value in orientation.items():
         part = segment.removeprefix("Left").removeprefix("Right")
-        limb = model.limbs.get(segment)
+        axis = _long_axis(model, segment, constants[segment])
         tasks.append(
             Task(
                 frame=model.links[segment],
                 kind="orientation",
                 value=rotations.multiply(value, rotations.from_matrix(constants[segment])),
                 feed_forward=rotations.angular_velocity(motion.time, value),
-                weight=parameters.weights.get(segment, WEIGHTS.get(part, 0.3)),
-                twist_weight=1.0 if limb is None else parameters.twist_weights.get(segment, TWIST_WEIGHTS[part]),
-                axis=np.array([1.0, 0.0, 0.0]) if limb is None else limb.bone,
+                weight=parameters.weights.get(segment, WEIGHTS.get(part, OTHER_WEIGHT)),
+                twist_weight=1.0 if axis is None else parameters.twist_weights.get(segment, TWIST_WEIGHTS[part]),
+                axis=np.array([1.0, 0.0, 0.0]) if axis is None else axis,
                 segment=segment,
             )
         )
     return Targets(motion.time, tuple(tasks), "limb_plane")
+
+
+def _has_hinge(model: RobotModel, segment: str) -> bool:
+    return segment in model.limbs and model.limbs[segment].rotation is not None
+
+
+def _long_axis(model: RobotModel, segment: str, segment_link: Array) -> Array | None:
+    """The direction (3,) in the link's frame about which a rotation counts less, or None where all axes count alike."""
+    if _has_hinge(model, segment):
+        return model.limbs[segment].bone
+    # A robot with a joint for every human one has nothing to give up.
+    spread = any(limb.rotation is not None for limb in model.limbs.values())
+    if segment in LONG_AXES and spread:
+        return np.asarray(segment_link.T @ np.array(LONG_AXES[segment]))
+    return None
 
 
 def limb_orientations(motion: HumanMotion, upper: str, lower: str) -> tuple[Array, Array]:

@@ -184,7 +184,6 @@ def test_a_robot_without_limbs_says_that_nothing_was_checked() -> None:
     assert found.passed
 
 
-@pytest.mark.xfail(strict=True, reason="limb_plane builds a hinge's frame for limbs of which the robot has no hinge")
 def test_the_person_is_held_against_its_own_bones(make_motion: Callable[..., HumanMotion]) -> None:
     """Forearms that leave the wrist 3° off the axis, as Xsens' do: the robot has the same bones, so nothing is wrong."""
     motion = make_motion([0.0])
