@@ -30,7 +30,7 @@ def multiply(left: ArrayLike, right: ArrayLike) -> Array:
 
 def conjugate(quaternion: ArrayLike) -> Array:
     """Inverse of unit quaternions (..., 4)."""
-    return np.asarray(quaternion, float) * np.array([1.0, -1.0, -1.0, -1.0])
+    return np.asarray(np.asarray(quaternion, float) * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def normalize(quaternion: ArrayLike) -> Array:
