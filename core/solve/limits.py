@@ -10,6 +10,12 @@ from retarget.core.types import Array
 ROW_MARGIN_RAD = 1e-7
 """Coupled rows are solved this much inside, because the QP solver meets rows only to its own tolerance."""
 
+TANH_SHARPNESS = 0.5
+"""1/rad; the authors' value."""
+
+FREE_SPEED_RAD_S = 100.0
+"""Bound on what has no speed limit of its own: the base's rotation."""
+
 
 def reachable(previous: Array, lower: Array, upper: Array, velocity: Array, step_s: float) -> tuple[Array, Array]:
     """Joint values (n,) and (n,) that may follow `previous` after `step_s` seconds: inside the position limits, no faster than `velocity`.
@@ -19,17 +25,31 @@ def reachable(previous: Array, lower: Array, upper: Array, velocity: Array, step
     return np.maximum(lower, previous - velocity * step_s), np.minimum(upper, previous + velocity * step_s)
 
 
-def damped_velocity_bounds(
-    joints: Array, lower: Array, upper: Array, velocity: Array, step_s: float, sharpness: float = 0.5
-) -> tuple[Array, Array]:
-    """Velocity bounds (n,), (n,) in rad/s that fade out toward the position limits, as in the authors' code of [Darvish2019]:
+class DampedVelocityBounds:
+    """Velocity bounds in rad/s that fade out toward the position limits [Darvish2019, their code], in place:
 
-    -v tanh(k (s - s_min)) ≤ ṡ ≤ v tanh(k (s_max - s)), k = `sharpness` 1/rad; and never a step past the limit within `step_s`.
+    -v tanh(k (s - s_min)) ≤ ṡ ≤ v tanh(k (s_max - s)), k = `TANH_SHARPNESS`; and never a step past a limit within the time step.
+    `low` and `high` are (free + n,); the `free` first ones stay ∓`FREE_SPEED_RAD_S`.
     """
-    room_down, room_up = np.maximum(joints - lower, 0.0), np.maximum(upper - joints, 0.0)
-    low = -np.minimum(velocity * np.tanh(sharpness * room_down), room_down / step_s)
-    high = np.minimum(velocity * np.tanh(sharpness * room_up), room_up / step_s)
-    return low, high
+
+    def __init__(self, free: int, lower: Array, upper: Array, velocity: Array) -> None:
+        bounds = np.array([[-1.0], [1.0]]) * np.full((2, free + len(lower)), FREE_SPEED_RAD_S)
+        self.low, self.high = bounds
+        self._of_joints = bounds[:, free:]
+        self._limits, self._velocity = np.stack([lower, upper]), velocity
+        self._sharpest = TANH_SHARPNESS * float(velocity.max(initial=0.0))
+        self._room, self._fading = np.empty((2, len(lower))), np.empty((2, len(lower)))
+
+    def update(self, joints: Array, step_s: float) -> None:
+        """Write the bounds at `joints` (n,), which are inside the limits, for a step of `step_s` seconds into `low` and `high`."""
+        np.subtract(self._limits, joints, self._room)
+        np.multiply(self._room, TANH_SHARPNESS, self._fading)
+        np.tanh(self._fading, self._fading)
+        np.multiply(self._fading, self._velocity, self._of_joints)
+        if self._sharpest * step_s > 1.0:  # only then is the fading bound not below room / time step everywhere
+            low, high = self._of_joints
+            np.maximum(low, self._room[0] / step_s, low)
+            np.minimum(high, self._room[1] / step_s, high)
 
 
 def nearest_feasible(joints: Array, lower: Array, upper: Array, rows: tuple[Array, Array, Array] | None) -> Array:

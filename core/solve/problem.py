@@ -15,25 +15,29 @@ VELOCITY_MARGIN = 1e-6
 """Steps stay this fraction below the velocity limit: time stamps are rounded to nanoseconds when they are written."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OrientationProblem:
     """Orientation tasks over T frames for L links of a robot with n joints; columns are the moving base's 3 rotations, then the joints.
 
-    desired: (T, L, 3, 3) world ← carrying joint's frame (link placements are folded in). feed_forward: (T, L, 3) rad/s, world.
-    weight: (T, L). bone: (L, 3) unit, in the joint's frame; twist_loss: (L,) = 1 - twist weight, 0 where all axes count alike.
+    desired: (T, L, 3, 3) rotation world ← frame of the joint that carries the link (link placements are folded in).
+    bone: (L, 3) unit, in the joint's frame; desired_bone: (T, L, 3) where it should point, world. feed_forward: (T, L, 3) rad/s, world.
+    weight: (T, L) ≥ 0. twist_loss: (L,) = 1 - twist weight: how much less a rotation about the bone counts, 0 where all axes count alike.
     joint_ids: (L,) pinocchio joints. moves: (L, columns) 1 where a column's motion turns the link.
-    lower, upper, velocity: (n,) limits. coupled: (matrix (m, n), lower (m,), upper (m,)) or None. reference: (n,) posture.
+    leads: (columns, columns) 1 where the row's motion turns the axis of the column, that is where it stands nearer to the base.
+    lower, upper, velocity: (n,) limits, rad and rad/s. coupled: (matrix (m, n), lower (m,), upper (m,)) or None. reference: (n,) posture.
     """
 
     model: RobotModel
     time: Array
     desired: Array
+    desired_bone: Array
     feed_forward: Array
     weight: Array
     bone: Array
     twist_loss: Array
     joint_ids: NDArray[np.intp]
     moves: Array
+    leads: Array
     base_columns: int
     lower: Array
     upper: Array
@@ -45,6 +49,16 @@ class OrientationProblem:
     def columns(self) -> int:
         """Number of unknowns of one step."""
         return self.base_columns + len(self.lower)
+
+    def check_finite(self) -> None:
+        """Raise `SolverError` for the first value that is not finite: QP solvers return NaN as success."""
+        for name in ("time", "desired", "feed_forward", "weight", "lower", "upper", "velocity", "reference"):
+            values = getattr(self, name)
+            if not (finite := np.isfinite(values)).all():
+                where = tuple(int(i) for i in np.argwhere(~finite)[0])
+                raise SolverError(
+                    f"the solver's input '{name}' holds {values[where]} at {where}, expected finite values"
+                )
 
 
 def orientation_problem(targets: Targets, model: RobotModel, *, free_base: bool) -> OrientationProblem:
@@ -60,25 +74,43 @@ def orientation_problem(targets: Targets, model: RobotModel, *, free_base: bool)
         raise SolverError(
             f"mapping '{targets.mapping}' gives no task for robot '{model.profile.name}' from what was measured"
         )
-    ids, desired, bones = [], [], []
-    for task in targets.tasks:
+    frames, links = len(targets.time), len(targets.tasks)
+    ids, bone = [], np.empty((links, 3))
+    desired, desired_bone = np.empty((frames, links, 3, 3)), np.empty((frames, links, 3))
+    feed_forward, weight = np.zeros((frames, links, 3)), np.empty((frames, links))
+    for i, task in enumerate(targets.tasks):
         joint, placement, _ = model.link_in_joint(task.frame)
         ids.append(joint)
-        desired.append(rotations.to_matrix(task.value) @ placement.T)
-        bones.append(placement @ task.axis)
-    stacked = np.ascontiguousarray(np.stack(desired, axis=1))
+        orientation = rotations.to_matrix(task.value)
+        desired[:, i] = orientation @ placement.T
+        bone[i] = placement @ task.axis
+        desired_bone[:, i] = orientation @ task.axis
+        if task.feed_forward is not None:
+            feed_forward[:, i] = task.feed_forward
+        weight[:, i] = task.weight
     base_columns = 3 if free_base else 0
-    zero = np.zeros((len(targets.time), 3))
+    paths = _paths(model, base_columns)
+    first = base_columns + len(model.joint_names) - model.pin_model.nv
+    moves = np.zeros((links, base_columns + len(model.joint_names)))
+    leads = np.zeros((moves.shape[1], moves.shape[1]))
+    for row, joint in enumerate(ids):
+        moves[row, paths[joint]] = 1.0
+    for joint, path in paths.items():
+        if model.pin_model.joints[joint].nv == 1:
+            column = first + model.pin_model.joints[joint].idx_v
+            leads[[c for c in path if c != column], column] = 1.0
     return OrientationProblem(
         model=model,
         time=targets.time,
-        desired=stacked,
-        feed_forward=np.stack([zero if t.feed_forward is None else t.feed_forward for t in targets.tasks], axis=1),
-        weight=np.stack([task.weight for task in targets.tasks], axis=1),
-        bone=np.array(bones),
+        desired=desired,
+        desired_bone=desired_bone,
+        feed_forward=feed_forward,
+        weight=weight,
+        bone=bone,
         twist_loss=np.array([1.0 - task.twist_weight for task in targets.tasks]),
         joint_ids=np.array(ids),
-        moves=_moves(model, ids, base_columns),
+        moves=moves,
+        leads=leads,
         base_columns=base_columns,
         lower=model.lower,
         upper=model.upper,
@@ -102,13 +134,12 @@ def coupled_rows(model: RobotModel) -> tuple[Array, Array, Array] | None:
     )
 
 
-def _moves(model: RobotModel, joint_ids: list[int], base_columns: int) -> Array:
+def _paths(model: RobotModel, base_columns: int) -> dict[int, list[int]]:
+    """pinocchio joint → the columns that turn its frame: the base's and those of the joints from the base to it, itself included."""
     pin_model = model.pin_model
-    first = pin_model.nv - len(model.joint_names)
-    moves = np.zeros((len(joint_ids), base_columns + len(model.joint_names)))
-    moves[:, :base_columns] = 1.0
-    for row, joint in enumerate(joint_ids):
-        while joint > 0 and pin_model.joints[joint].nv == 1:
-            moves[row, base_columns + pin_model.joints[joint].idx_v - first] = float(pin_model.joints[joint].nq == 1)
-            joint = int(pin_model.parents[joint])
-    return moves
+    first = base_columns + len(model.joint_names) - pin_model.nv
+    paths = {0: list(range(base_columns))}
+    for joint in range(1, pin_model.njoints):
+        own = [first + pin_model.joints[joint].idx_v] if pin_model.joints[joint].nv == 1 else []
+        paths[joint] = paths[int(pin_model.parents[joint])] + own
+    return paths
