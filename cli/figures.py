@@ -178,7 +178,7 @@ def _stance(result: ConvertResult, side: str) -> tuple[BoolArray, str]:
     contacts = result.motion.foot_contacts
     if contacts is not None:
         columns = [i for i, name in enumerate(FOOT_CONTACTS) if name.startswith(side)]
-        touching: BoolArray = contacts[:, columns].any(axis=1)
+        touching: BoolArray = np.asarray(contacts[:, columns].any(axis=1), bool)
         return touching, "the person's foot is on the ground"
     near_ground: BoolArray = np.asarray(result.series[f"foot_height_m/{side}"] < 0.01, bool)
     return near_ground, "lower than 10 mm"
