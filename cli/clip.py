@@ -75,7 +75,7 @@ def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
     if clip.report:
         _write_report(clip, result, model)
     stages = {"read": read_s, "model": model_s, **result.timings_s, "write": write_s}
-    return _record(clip, result, model, wall_s, stages)
+    return _record(clip, result, wall_s, stages)
 
 
 def failed_record(clip: Clip, error: str) -> Record:
@@ -96,9 +96,7 @@ def _head(clip: Clip, status: str, error: str | None) -> Record:
     }
 
 
-def _record(clip: Clip, result: ConvertResult, model: RobotModel, wall_s: float, stages: Mapping[str, float]) -> Record:
-    from importlib.metadata import version
-
+def _record(clip: Clip, result: ConvertResult, wall_s: float, stages: Mapping[str, float]) -> Record:
     trajectory = result.trajectory
     record: Record = without_nan(
         {
@@ -110,12 +108,7 @@ def _record(clip: Clip, result: ConvertResult, model: RobotModel, wall_s: float,
             "frames_per_second": trajectory.frames / wall_s,
             "metrics": result.metrics,
             "warnings": list(result.motion.source.warnings),
-            "provenance": {
-                "input_sha256": result.motion.source.sha256,
-                "retarget_version": version("retarget"),
-                "robot_model_sha256": model.sha256,
-                "options": dict(clip.options or {}),
-            },
+            "provenance": trajectory.provenance,
             "stages_s": dict(stages),
         }
     )

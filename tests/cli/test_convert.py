@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 import io
 import json
 import shutil
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -67,10 +69,9 @@ def test_json_holds_the_contract_and_the_numbers_agree_with_the_file(run: Run, w
     assert record["duration_s"] == pytest.approx((FRAMES - 1) / 60)
     assert record["frames_per_second"] == pytest.approx(FRAMES / record["wall_s"])
     assert sum(record["stages_s"].values()) == pytest.approx(record["wall_s"], rel=0.2)
-    import hashlib
-
     assert record["provenance"]["input_sha256"] == hashlib.sha256(walk.read_bytes()).hexdigest()
     assert record["provenance"]["options"]["base"] == "human"
+    assert record["provenance"]["retarget_version"] == version("retarget")
     assert record["provenance"]["robot_model_sha256"] == trajectory.provenance["robot_model_sha256"]
 
 
