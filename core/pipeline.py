@@ -128,14 +128,14 @@ def convert(
     with stages.timed("map"):
         targets = mapping.load(options.mapping).targets(motion, model)
     with stages.timed("solve"):
-        solution = _solve(targets, model, options, base != "fixed", progress)
+        solution, calm_passes = _solve(targets, model, options, base != "fixed", progress)
     if options.smooth_s > 0:
         with stages.timed("smooth"):
             solution = _smoothed(motion.time, solution, options.smooth_s, model)
     if window != slice(0, motion.frames):
         motion, targets, solution = _trimmed(motion, targets, solution, window)
     with stages.timed("base"):
-        trajectory = _trajectory(motion, model, options, base, solution)
+        trajectory = _trajectory(motion, model, options, base, solution, calm_passes)
     with stages.timed("measure"):
         metrics, series = measure(trajectory, model, motion, targets)
     return ConvertResult(trajectory, motion, targets, metrics, stages.seconds, model, series)
@@ -186,12 +186,20 @@ def _solve(
     options: ConvertOptions,
     free_base: bool,
     progress: Callable[[int, int], None] | None,
-) -> Solution:
+) -> tuple[Solution, int]:
+    """The solution and how many calming passes it took. Online there is none: what comes later is not known yet."""
+    from retarget.core.solve.calm import calmed
     from retarget.core.solve.dynamical import DynamicalOptions, solve
     from retarget.core.solve.problem import orientation_problem
+    from retarget.core.solve.rounding import rounded_off
 
     problem = orientation_problem(targets, model, free_base=free_base)
-    return solve(problem, DynamicalOptions(online=options.online), progress)
+    how = DynamicalOptions(online=options.online)
+    solution = solve(problem, how, progress)
+    if options.online:
+        return solution, 0
+    solution, passes = calmed(problem, solution, lambda again: solve(again, how, progress))
+    return replace(solution, joints=rounded_off(problem, solution.joints)), passes
 
 
 def _smoothed(time_s: Array, solution: Solution, window_s: float, model: RobotModel) -> Solution:
@@ -216,7 +224,12 @@ def _smoothed(time_s: Array, solution: Solution, window_s: float, model: RobotMo
 
 
 def _trajectory(
-    motion: HumanMotion, model: RobotModel, options: ConvertOptions, base: str, solution: Solution
+    motion: HumanMotion,
+    model: RobotModel,
+    options: ConvertOptions,
+    base: str,
+    solution: Solution,
+    calm_passes: int,
 ) -> JointTrajectory:
     from retarget.core.solve.base import base_position
 
@@ -250,6 +263,8 @@ def _trajectory(
                 "start": solution.start,
                 "qps": int(solution.iterations.sum()),
                 "qp_fallbacks": solution.fallbacks,
+                "unconverged_frames": solution.unconverged,
+                "calm_passes": calm_passes,
             },
         },
         robot_description=model.urdf,

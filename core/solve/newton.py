@@ -1,8 +1,9 @@
 """One frame solved to convergence: projected Newton steps on the orientation cost, inside the joints' reach.
 
-Minimised over the base's rotation and the joint values s, with f the tasks' cost (`normal_equations`) and ρ the posture weight:
+Minimised over the base's rotation and the joint values s, with f the tasks' cost (`normal_equations`), ρ the posture weight and h the
+frame's own stiffnesses (`calm`; mostly none):
 
-    F = f + ½ ρ ‖s - s_ref‖²   s.t.  lower ≤ s ≤ upper,  rows_lower ≤ rows · s ≤ rows_upper
+    F = f + ½ ρ ‖s - s_ref‖² + ½ Σ h (s - s_hold)²   s.t.  lower ≤ s ≤ upper,  rows_lower ≤ rows · s ≤ rows_upper
 
 Every step is a box QP with F's gradient and Hessian: eq. 5 of [Darvish2019] with gain 1/dt, repeated until nothing is left of the lag that
 the feed-forward would have to make up. The posture term, not the path taken, decides what the targets leave open, so the same
@@ -42,8 +43,8 @@ class NewtonOptions:
     max_step_rad: largest change of one variable in one step. max_iterations: QPs after which a frame is left as it is, unconverged.
     """
 
-    posture_weight: float = 1e-4
-    tolerance: float = 3e-10
+    posture_weight: float = 1e-3
+    tolerance: float = 1e-10
     max_step_rad: float = 0.5
     max_iterations: int = 100
 
@@ -188,6 +189,12 @@ class FrameSolver:
         cost += 0.5 * weight * float(away.dot(away))
         away *= weight
         self._equations.gradient[b:] += away
+        if self.problem.hold is not None:
+            stiffness, away = self.problem.hold[0][k], q[-self._joints :] - self.problem.hold[1][k]
+            cost += 0.5 * float(stiffness.dot(away * away))
+            self._equations.gradient[b:] += stiffness * away
+            columns = len(self._equations.gradient)
+            self._equations.hessian.reshape(-1)[b * (columns + 1) :: columns + 1] += stiffness
         if self.problem.coupled is not None:
             self._stiffen_across_rows(q)
         return cost

@@ -25,6 +25,7 @@ class OrientationProblem:
     joint_ids: (L,) pinocchio joints. moves: (L, columns) 1 where a column's motion turns the link.
     leads: (columns, columns) 1 where the row's motion turns the axis of the column, that is where it stands nearer to the base.
     lower, upper, velocity: (n,) limits, rad and rad/s. coupled: (matrix (m, n), lower (m,), upper (m,)) or None. reference: (n,) posture.
+    hold: (stiffness (T, n) ≥ 0, posture (T, n) rad) that joints are pulled to beside everything else, or None (`calm`).
     """
 
     model: RobotModel
@@ -44,6 +45,7 @@ class OrientationProblem:
     velocity: Array
     reference: Array
     coupled: tuple[Array, Array, Array] | None
+    hold: tuple[Array, Array] | None = None
 
     @property
     def columns(self) -> int:
