@@ -194,7 +194,7 @@ def _solve(
     from retarget.core.solve.rounding import rounded_off
 
     problem = orientation_problem(targets, model, free_base=free_base)
-    how = DynamicalOptions(online=options.online)
+    how = DynamicalOptions(online=options.online, kernel=options.kernel)
     solution = solve(problem, how, progress)
     if options.online:
         return solution, 0

@@ -141,23 +141,29 @@ class FrameSolver:
         Frames on which the QP fails hold the posture before and are marked. With `below` (T,) it stops before the first frame
         that is marked or whose cost is not below.
         """
-        problem, n = self.problem, self._joints
         direction = 1 if last >= first else -1
         for k in range(first + direction, last + direction, direction):
-            before = path.q[k - direction]
-            step_s = abs(float(problem.time[k] - problem.time[k - direction]))
-            lower, upper = reachable(before[-n:], problem.lower, problem.upper, problem.velocity, step_s)
-            try:
-                found = self.converge(k, self._guess(path, k, direction, lower, upper), lower, upper)
-            except SolverError:
-                found = None
-            if below is not None and (found is None or not found.cost < below[k]):
+            if not self._follow_one(path, k, direction, below):
                 return k - direction
-            if found is not None:
-                path.put(k, found)
-            else:
-                path.q[k], path.cost[k], path.status[k] = before, self.cost(k, before), FRAME_MARKED
         return last
+
+    def _follow_one(self, path: Path, k: int, direction: int, below: Array | None) -> bool:
+        """Solve frame k within reach of frame k - direction; whether it was written."""
+        problem, n = self.problem, self._joints
+        before = path.q[k - direction]
+        step_s = abs(float(problem.time[k] - problem.time[k - direction]))
+        lower, upper = reachable(before[-n:], problem.lower, problem.upper, problem.velocity, step_s)
+        try:
+            found = FrameSolver.converge(self, k, self._guess(path, k, direction, lower, upper), lower, upper)
+        except SolverError:
+            found = None
+        if below is not None and (found is None or not found.cost < below[k]):
+            return False
+        if found is not None:
+            path.put(k, found)
+        else:
+            path.q[k], path.cost[k], path.status[k] = before, self.cost(k, before), FRAME_MARKED
+        return True
 
     def cost(self, k: int, q: Array) -> float:
         """F of frame k at configuration `q`."""

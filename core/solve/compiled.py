@@ -1,0 +1,126 @@
+"""`FrameSolver` with its inner loops compiled (`kernel`), the extra `[fast]`: the same answers, many times as fast.
+
+Frames that the kernel does not handle are solved by the NumPy solver, and the kernel goes on after them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from retarget.core.solve import kernel
+from retarget.core.solve.newton import TOUCH_RAD, Converged, FrameSolver, NewtonOptions, Path
+from retarget.core.solve.problem import OrientationProblem
+from retarget.core.types import FRAME_OK, Array
+
+
+def is_kept() -> bool:
+    """Whether the kernel, once compiled, is kept for later processes."""
+    return kernel.kept
+
+
+class CompiledSolver(FrameSolver):
+    """`FrameSolver` on the robot's tree. handed_over: frames that the NumPy solver had to solve."""
+
+    def __init__(self, problem: OrientationProblem, options: NewtonOptions) -> None:
+        super().__init__(problem, options)
+        self.handed_over = 0
+        self._tree, turns = _tree(problem)
+        self._tasks = _tasks(problem, turns)
+        self._limits = _limits(problem, options)
+        nothing = np.zeros((0, len(problem.lower)))
+        self._posture = kernel.Posture(
+            np.array(problem.reference), options.posture_weight, *(problem.hold or (nothing, nothing))
+        )
+        self._work = kernel.work_space(problem.columns)
+        self._time = np.array(problem.time)
+
+    def converge(self, k: int, q: Array, lower: Array, upper: Array) -> Converged:
+        """As `FrameSolver.converge`."""
+        tried = np.array(q)
+        # Copies, because numba compiles arrays that can't be written to anew.
+        iterations, cost = kernel.converge(
+            self._tree, self._tasks, self._limits, self._posture, k, tried, np.array(lower), np.array(upper),
+            self.options.tolerance, self._work,
+        )  # fmt: skip
+        if iterations:
+            return Converged(tried, cost, iterations, True)
+        self.handed_over += 1
+        return super().converge(k, q, lower, upper)
+
+    def follow(self, path: Path, first: int, last: int, below: Array | None = None) -> int:
+        """As `FrameSolver.follow`."""
+        direction = 1 if last >= first else -1
+        limit = np.zeros(0) if below is None else below
+        while first != last:
+            begin = first
+            first, ended = kernel.follow(
+                self._tree, self._tasks, self._limits, self._posture, self._time, path.q, path.cost, path.iterations,
+                limit, first, last, self.options.tolerance, self._work,
+            )  # fmt: skip
+            solved = slice(min(begin, first), max(begin, first) + 1)
+            path.status[solved], path.unconverged[solved] = FRAME_OK, False
+            if ended:
+                return first
+            self.handed_over += 1
+            if not self._follow_one(path, first + direction, direction, below):
+                return first
+            first += direction
+        return last
+
+
+def _tree(problem: OrientationProblem) -> tuple[kernel.Tree, dict[int, Array]]:
+    """The kernel's tree, and per pinocchio joint the rotation from its frame to the kernel's, whose z is the joint's axis."""
+    import pinocchio as pin
+
+    model, base = problem.model.pin_model, problem.base_columns
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    first = problem.columns - model.nv
+    columns = problem.columns
+    parent, sliding, fixed = np.full(columns, -1), np.zeros(columns, bool), np.tile(np.eye(3), (columns, 1, 1))
+    parent[:base] = np.arange(base) - 1
+    column_of, turns, root = {0: base - 1 if base else -1}, {0: np.eye(3)}, np.eye(3)
+    for joint in range(1, model.njoints):
+        before = int(model.parents[joint])
+        if model.joints[joint].nv != 1:  # the free base
+            column_of[joint], turns[joint] = base - 1 if base else -1, np.eye(3)
+            if not base:
+                root = pin.Quaternion(problem.model.configuration(problem.reference)[3:7]).toRotationMatrix()
+            continue
+        column = first + model.joints[joint].idx_v
+        axis = np.array(data.oMi[joint].rotation).T @ data.J[3:, model.joints[joint].idx_v]
+        sliding[column] = np.linalg.norm(axis) < 0.5
+        turns[joint] = np.eye(3) if sliding[column] else _frame_with_z(axis)
+        parent[column] = column_of[before]
+        fixed[column] = turns[before].T @ np.array(model.jointPlacements[joint].rotation) @ turns[joint]
+        column_of[joint] = column
+    return kernel.Tree(parent, base, fixed, np.ascontiguousarray(root), sliding), turns
+
+
+def _tasks(problem: OrientationProblem, turns: dict[int, Array]) -> kernel.Tasks:
+    moved = [np.flatnonzero(row) for row in problem.moves]
+    return kernel.Tasks(
+        column=np.array([columns[-1] if len(columns) else -1 for columns in moved]),
+        from_link=np.ascontiguousarray([turns[int(joint)].T for joint in problem.joint_ids]),
+        bone=problem.bone,
+        desired=problem.desired,
+        desired_bone=problem.desired_bone,
+        weight=problem.weight,
+        twist_loss=problem.twist_loss,
+    )
+
+
+def _limits(problem: OrientationProblem, options: NewtonOptions) -> kernel.Limits:
+    n = len(problem.lower)
+    rows, rows_lower, rows_upper = problem.coupled or (np.zeros((0, n)), np.zeros(0), np.zeros(0))
+    return kernel.Limits(
+        np.array(problem.lower), np.array(problem.upper), np.array(problem.velocity),
+        np.ascontiguousarray(rows), rows_lower + TOUCH_RAD, rows_upper - TOUCH_RAD, options.max_step_rad,
+    )  # fmt: skip
+
+
+def _frame_with_z(axis: Array) -> Array:
+    """A rotation (3, 3) whose third column is `axis` (3,)."""
+    z = axis / np.linalg.norm(axis)
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+    x /= np.linalg.norm(x)
+    return np.ascontiguousarray(np.stack([x, np.cross(z, x), z], axis=1))
