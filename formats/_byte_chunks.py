@@ -9,7 +9,7 @@ from typing import BinaryIO, Protocol
 
 from retarget.core.errors import FormatError
 
-CHUNK_BYTES = 1 << 20
+CHUNK_BYTES = 2 << 20
 _GZIP_MAGIC = b"\x1f\x8b"
 _GZIP_FORMAT = 16 + zlib.MAX_WBITS
 

@@ -2,8 +2,8 @@
 
 Versions 3 and 4 use different segment frames for the arms. Version 4 aligns all frames with the world in T-pose; version 3 aligns
 those of the arms in N-pose, and its `npose` frame, which nevertheless shows the arms horizontal, holds the constant offsets. In both,
-the points of a segment are given in T-pose axes. Measured on real recordings: with the offsets taken out, joints of a version 3 file
-meet within 1 mm, without them elbows are 413 mm apart.
+the points of a segment are given in T-pose axes. On a real recording of version 3, with the offsets taken out, joints meet within
+0.2 mm; without, elbows miss by 397 mm.
 """
 
 from __future__ import annotations
@@ -63,9 +63,7 @@ def measured_segments(header: MvnxHeader, segments: Sequence[str], warnings: lis
     lost = _NOT_MEASURED.get(folded)
     if lost is None:
         if header.configuration:
-            warnings.append(
-                f"unknown suit configuration '{header.configuration[:40]}': sensors decide what was measured"
-            )
+            warnings.append(f"unknown suit configuration '{header.configuration}': sensors decide what was measured")
         lost = frozenset[str]().union(*(part for part in _PARTS.values() if _without_sensor(part, header.sensors)))
     return np.array([segment not in lost for segment in segments])
 
@@ -88,7 +86,7 @@ def reference_orientation(
     if major is None:
         found = [version for version, kind in ((3, "npose"), (4, "identity")) if kind in references]
         if len(found) != 1:
-            problem = f"version '{header.version[:20]}'" if header.version else "<mvnx> has no version"
+            problem = f"version '{header.version}'" if header.version else "<mvnx> has no version"
             raise FormatError(name, problem, expected="3 or 4: they use different segment frames for the arms")
         major = found[0]
         warnings.append(f"no version stated: read as version {major}, because of its reference frame")

@@ -48,7 +48,7 @@ class MvnxHeader:
     @property
     def major_version(self) -> int | None:
         """3 for "3" and "3.1"; None when missing or no number."""
-        match = re.match(r"\s*(\d{1,4})(\.|\s*$)", self.version)
+        match = re.match(r"(\d{1,4})(\.|$)", self.version)
         return int(match[1]) if match else None
 
 
@@ -84,13 +84,13 @@ class HeaderReader:
             case ["mvnx"]:
                 self._start_root(attributes)
             case [other]:
-                raise self._error(f"root element <{_short(other)}>", "<mvnx>")
+                raise self._error(f"root element <{one_line(other)}>", "<mvnx>")
             case ["mvnx", "mvnxInfo"]:
                 raise self._error(
                     "MVNX of version 2 (Moven)", "version 3 or 4; export again from MVN Studio 3 or later"
                 )
             case ["mvnx", "mvn"]:
-                self.header.mvn_version = attributes.get("version", "")
+                self.header.mvn_version = one_line(attributes.get("version", ""))
             case ["mvnx", "subject"]:
                 self._start_subject(attributes)
             case ["mvnx", "subject", "segments"]:
@@ -121,7 +121,7 @@ class HeaderReader:
             self._end_point()
 
     def _start_root(self, attributes: Mapping[str, str]) -> None:
-        self.header.version = attributes.get("version", "").strip()
+        self.header.version = one_line(attributes.get("version", ""))
         major = self.header.major_version
         if major is not None and major < 3:
             raise self._error(
@@ -130,7 +130,7 @@ class HeaderReader:
 
     def _start_subject(self, attributes: Mapping[str, str]) -> None:
         self._only_once("subject")
-        self.header.configuration = attributes.get("configuration", "").strip()
+        self.header.configuration = one_line(attributes.get("configuration", ""))
         text = attributes.get("frameRate")
         expected = f"a number of Hz above 0, at most {MAX_RATE_HZ:g}"
         if text is None:
@@ -140,17 +140,17 @@ class HeaderReader:
         except ValueError:
             rate = math.nan
         if not 0 < rate <= MAX_RATE_HZ:
-            raise self._error(f"frameRate {_short(text)!r}", expected)
+            raise self._error(f"frameRate {one_line(text)!r}", expected)
         self.header.rate_hz = rate
 
     def _start_segment(self, attributes: Mapping[str, str]) -> None:
         label = attributes.get("label", "")
         if label in self.header.labels:
-            raise self._error(f"segment '{_short(label)}' stands twice", "each label once")
+            raise self._error(f"segment '{one_line(label)}' stands twice", "each label once")
         if label not in SEGMENTS and not is_prop(label):
             near = nearest(label, SEGMENTS)
             raise self._error(
-                f"unknown segment '{_short(label)}'", " or ".join(near) or f"one of {', '.join(SEGMENTS)}"
+                f"unknown segment '{one_line(label)}'", " or ".join(near) or f"one of {', '.join(SEGMENTS)}"
             )
         self.header.labels.append(label)
         self.header.points[label] = {}
@@ -161,9 +161,9 @@ class HeaderReader:
         try:
             point = parse_rows([text], 3)[0]
         except RowError as error:
-            raise self._error(f"point '{_short(self._point)}': {error.problem}", "3 coordinates in m") from None
+            raise self._error(f"point '{one_line(self._point)}': {error.problem}", "3 coordinates in m") from None
         if not np.isfinite(point).all():
-            raise self._error(f"point '{_short(self._point)}': {point} m", "finite coordinates")
+            raise self._error(f"point '{one_line(self._point)}': {point} m", "finite coordinates")
         self.header.points[self.header.labels[-1]][self._point] = point
 
     def _start_contact(self, attributes: Mapping[str, str]) -> None:
@@ -175,7 +175,7 @@ class HeaderReader:
             or label in contacts
         ):
             raise self._error(
-                f"contactDefinition '{_short(label)}' with index '{_short(text)}'", "each label and index once"
+                f"contactDefinition '{one_line(label)}' with index '{one_line(text)}'", "each label and index once"
             )
         contacts[label] = int(text)
 
@@ -185,7 +185,7 @@ class HeaderReader:
         self._once.add(element)
 
 
-def _short(text: str) -> str:
-    """For messages: one line, not too long."""
+def one_line(text: str) -> str:
+    """Text of the file as it may stand in a message: without line breaks, not too long."""
     text = " ".join(text.split())
     return text if len(text) <= 40 else text[:40] + "…"

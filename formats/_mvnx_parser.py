@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from retarget.core.errors import FormatError
 from retarget.core.types import Array
 from retarget.formats._byte_chunks import read_chunks
-from retarget.formats._mvnx_header import MAX_DEPTH, HeaderReader, MvnxHeader, local_name
+from retarget.formats._mvnx_header import MAX_DEPTH, HeaderReader, MvnxHeader, local_name, one_line
 from retarget.formats._number_text import RowError, parse_rows
 
 REFERENCE_FRAMES = ("npose", "identity")
@@ -27,6 +27,7 @@ REFERENCE_FRAMES = ("npose", "identity")
 
 _MAX_TOKEN_BYTES = 16 << 20
 _MAX_INDEX = 10**12
+_PIECE_BYTES = 50  # what a string needs besides its characters
 _GROW_BYTES = 8 << 20
 
 
@@ -142,24 +143,23 @@ class _Parser:
         self._parse(chunk, final=False)
         self._convert_all()
         self.bytes_fed += len(chunk)
-        pending = self.bytes_fed - self.expat.CurrentByteIndex
-        pending += sum(map(len, self.column.texts if self.column else self.head.text))
+        pieces = self.column.texts if self.column else self.head.text  # of the value that is open
+        pending = self.bytes_fed - self.expat.CurrentByteIndex + sum(len(piece) + _PIECE_BYTES for piece in pieces)
         if pending > _MAX_TOKEN_BYTES:
             raise self._error(f"a tag or value longer than {_MAX_TOKEN_BYTES >> 20} MB", "an MVNX document")
 
     def finish(self, sha256: str) -> MvnxRecording:
         """The recording, after the last chunk."""
         if not self.bytes_fed:
-            raise FormatError(self.name, "the file is empty", expected="an MVNX document")
+            raise FormatError(self.name, "empty file", expected="an MVNX document")
         self._parse(b"", final=True)
         self._convert_all()
         if not self.wanted:
             raise FormatError(self.name, "no <subject> with <frames>", expected="an MVNX recording")
         if not self.index:
-            found = ", ".join(f"{count} {kind or 'without type'}" for kind, count in self.frame_count.items())
-            raise FormatError(
-                self.name, "no frame of type 'normal'", expected=f"a motion; found frames: {found or 'none'}"
-            )
+            kinds = [f"{count} {kind or 'without type'}" for kind, count in self.frame_count.items()]
+            found = ", ".join(kinds[:5] + ["…"] * (len(kinds) > 5)) or "none"
+            raise FormatError(self.name, "no frame of type 'normal'", expected=f"a motion; found frames: {found}")
         normal = self.wanted["normal"].values()
         return MvnxRecording(
             header=self.head.header,
@@ -281,7 +281,7 @@ class _Parser:
         self.columns = None
         if local_name(qualified) != "frame":
             return
-        self.frame_type = kind = attributes.get("type", "")[:40]
+        self.frame_type = kind = one_line(attributes.get("type", ""))
         self.frame_count[kind] = self.frame_count.get(kind, 0) + 1
         self.columns = self.met.get(kind)
         if kind == "normal":
@@ -303,7 +303,7 @@ class _Parser:
         except ValueError:
             raise self._error(f"frame index {text[:40]!r}", "a whole number") from None
         if abs(index) > _MAX_INDEX:
-            raise self._error(f"frame index {text[:40]}", f"at most {_MAX_INDEX:g}")
+            raise self._error(f"frame index {text[:40]!r}", f"at most {_MAX_INDEX:g}")
         if self.index and index <= self.index[-1]:
             raise self._error(f"frame index {index} after {self.index[-1]}", "increasing numbers")
         return index

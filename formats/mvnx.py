@@ -15,18 +15,14 @@ from typing import Any, BinaryIO
 import numpy as np
 from retarget.core import rotations
 from retarget.core.errors import FormatError, MotionError
-from retarget.core.segments import FOOT_CONTACTS, LOWER_BODY
-from retarget.core.timebase import fill_gaps
+from retarget.core.segments import FOOT_CONTACTS, LOWER_BODY, PARENT
 from retarget.core.types import Array, BoolArray, HumanMotion, Source
 from retarget.formats import _mvnx_body as body
+from retarget.formats import _mvnx_gaps as gaps
 from retarget.formats._mvnx_header import is_prop
 from retarget.formats._mvnx_parser import MvnxRecording, parse_mvnx
 from retarget.formats.base import Format
 
-LONGEST_GAP_S = 0.25
-"""Missing values are interpolated over at most this time, from the last good frame to the next."""
-
-_BLOCK = 4096  # frames worked on at a time, so that temporaries stay small beside the recording
 _CLOSURE_FRAMES = 256
 _CLOSURE_LIMIT_M = 0.01
 _FIELDS = (("orientation", 4), ("position", 3), ("angularVelocity", 3))
@@ -36,7 +32,7 @@ def read_motion(stream: BinaryIO, name: str) -> HumanMotion:
     """The motion of an MVNX document. `stream` need not seek and may be gzip; `name` is what messages call it.
 
     Raises `FormatError` for anything that is not an MVNX recording of version 3 or 4, and for values missing for longer than
-    `LONGEST_GAP_S`; shorter gaps are interpolated, counted and warned of. Beside the motion's own arrays this needs a few MB.
+    `_mvnx_gaps.LONGEST_GAP_S`; shorter gaps are interpolated, counted and warned of. Beside the motion's own arrays this needs a few MB.
     """
     recording = parse_mvnx(stream, name)
     content = _understand(recording, name)
@@ -48,10 +44,12 @@ def read_motion(stream: BinaryIO, name: str) -> HumanMotion:
     orientation = _normalise(content.values["orientation"], content.reference)
     offsets = body.joint_offsets(recording.header, content.segments)
     position = content.values.get("position")
-    if position is None:
+    if position is None and offsets:
         position = body.forward_positions(content.segments, orientation, offsets)
-        made = "computed from the joints' points, the pelvis at the origin" if offsets else "not tracked"
-        warnings.append(f"the file has no positions: they are {made}")
+        warnings.append("the file has no positions: computed from the joints' points, the pelvis at the origin")
+    elif position is None:
+        position = np.full((*orientation.shape[:2], 3), np.nan)
+        warnings.append("the file has no positions and no points to compute them from")
     else:
         warnings.extend(_closure_warning(content, orientation, position, offsets))
     if count := int(filled.sum()):
@@ -87,12 +85,10 @@ def describe(stream: BinaryIO, name: str) -> Mapping[str, Any]:
     """
     recording = parse_mvnx(stream, name)
     header, content = recording.header, _understand(recording, name)
-    gaps = [*_dropped_frames(recording, content), *_missing_values(content)]
-    long = [gap for gap in gaps if gap["kind"] == "missing values" and gap["duration_s"] > LONGEST_GAP_S]
-    if long:
-        content.warnings.append(
-            f"{len(long)} gaps of missing values are longer than {LONGEST_GAP_S:g} s: it can't be converted"
-        )
+    missing = gaps.missing_values(content.missing, content.time, content.segments)
+    unmeasured = {segment for segment, ok in zip(content.segments, content.measured, strict=True) if not ok}
+    if any(gaps.is_too_long(gap, len(content.time)) and set(gap["segments"]) - unmeasured for gap in missing):
+        content.warnings.append(f"values are missing for longer than {gaps.LONGEST_GAP_S:g} s: it can't be converted")
     return {
         "format": FORMAT.name,
         "kind": "motion",
@@ -103,11 +99,11 @@ def describe(stream: BinaryIO, name: str) -> Mapping[str, Any]:
         "frames": len(content.time),
         "duration_s": float(content.time[-1] - content.time[0]),
         "segments": list(content.segments),
-        "unmeasured_segments": [s for s, ok in zip(content.segments, content.measured, strict=True) if not ok],
+        "unmeasured_segments": [segment for segment in content.segments if segment in unmeasured],
         "fields": list(recording.fields),
         "segment_frames": content.reference_source,
         "foot_contacts": _foot_contacts(recording, content) is not None,
-        "gaps": gaps,
+        "gaps": [*gaps.dropped_frames(recording.index, content.time), *missing],
         "warnings": content.warnings,
     }
 
@@ -116,7 +112,8 @@ def describe(stream: BinaryIO, name: str) -> Mapping[str, Any]:
 class _Content:
     """A recording as understood, values still the file's own. T frames, S segments.
 
-    values: field → (T, S, 3 or 4), NaN where missing. missing: field → (T, S). reference: (S, 4) the file's T-pose orientations.
+    values: field → (T, S, 3 or 4), NaN where missing. missing: field → (T, S), of those with something missing.
+    reference: (S, 4) the file's T-pose orientations, reference_source: where they come from.
     """
 
     segments: tuple[str, ...]
@@ -140,20 +137,22 @@ def _understand(recording: MvnxRecording, name: str) -> _Content:
         warnings.append("props are left out")
     reference, reference_source = body.reference_orientation(header, recording.references, name, warnings)
 
-    step = _usual_step(recording)
+    step = gaps.usual_step(recording.index)
     if step > 1:
         warnings.append(
             f"every frame's index is {step} more than the one before: the rate is {header.rate_hz / step:g} Hz"
         )
     if not recording.indexed:
         warnings.append("frames have no index: times are counted")
-    values, missing = {}, {}
+    values: dict[str, Array] = {}
+    missing: dict[str, BoolArray] = {}
     for field, width in _FIELDS:
         if field in recording.values:
             value = recording.values[field].reshape(len(recording.index), -1, width)
             value = value if len(columns) == len(header.labels) else value[:, columns]
-            missing[field] = _missing(value)
-            value[missing[field]] = np.nan
+            if (bad := gaps.unusable(value)).any():
+                missing[field] = bad
+                value[bad] = np.nan
             values[field] = value
     content = _Content(
         segments=segments,
@@ -166,24 +165,10 @@ def _understand(recording: MvnxRecording, name: str) -> _Content:
         reference_source=reference_source,
         warnings=warnings,
     )
-    if dropped := _dropped_frames(recording, content):
+    if dropped := gaps.dropped_frames(recording.index, content.time):
         count, longest = sum(gap["frames"] for gap in dropped), max(gap["duration_s"] for gap in dropped)
-        warnings.append(f"{count} frames were dropped in {len(dropped)} places, for at most {longest:.3g} s")
+        warnings.append(f"dropped frames: {count}, gaps: {len(dropped)}, the longest {longest:.3g} s")
     return content
-
-
-def _missing(value: Array) -> BoolArray:
-    """Which (T, S) vectors or quaternions can't be used: not finite, or for quaternions not of unit length."""
-    missing = np.empty(value.shape[:2], bool)
-    for block in _blocks(len(value)):
-        part = value[block]
-        usable = np.isfinite(part).all(axis=2)
-        if value.shape[2] == 4:
-            with np.errstate(over="ignore", invalid="ignore"):
-                norm = np.sqrt(np.einsum("tsi,tsi->ts", part, part))
-                usable &= np.abs(norm - 1) <= body.UNIT_TOLERANCE
-        missing[block] = ~usable
-    return missing
 
 
 def _fill(content: _Content, field: str, name: str) -> BoolArray:
@@ -192,16 +177,13 @@ def _fill(content: _Content, field: str, name: str) -> BoolArray:
     What was not measured must not stop a conversion: there, a gap too long becomes the T-pose, no position, no motion.
     """
     filled = np.zeros(len(content.time), bool)
-    if field not in content.values:
+    if field not in content.missing:
         return filled
     value, missing = content.values[field], content.missing[field]
     for column in np.flatnonzero(missing.any(axis=0)):
         segment = content.segments[column]
         try:
-            value[:, column], rows = fill_gaps(
-                content.time, value[:, column], longest_s=LONGEST_GAP_S, quaternions=field == "orientation"
-            )
-            filled |= rows
+            filled |= gaps.interpolate(content.time, value[:, column])
         except MotionError as error:
             if content.measured[column]:
                 raise FormatError(name, f"<{field}> of {segment}: {error}") from None
@@ -216,14 +198,15 @@ def _normalise(orientation: Array, reference: Array) -> Array:
     turned = np.flatnonzero(np.abs(rotations.log(reference)).max(axis=1) > 0)
     from_reference = rotations.conjugate(reference[turned])
     last: Array | None = None
-    for block in _blocks(len(orientation)):
+    for block in gaps.blocks(len(orientation)):
         part = orientation[block]
         if len(turned):
             part[:, turned] = rotations.multiply(part[:, turned], from_reference)
-        part = rotations.normalize(part)
-        with_last = part if last is None else np.concatenate([last, part])
-        orientation[block] = rotations.make_continuous(with_last)[-len(part) :]
-        last = orientation[block][-1:]
+        part = rotations.make_continuous(rotations.normalize(part))
+        if last is not None:
+            part *= np.where(np.einsum("si,si->s", part[0], last) < 0, -1.0, 1.0)[:, None]
+        orientation[block] = part
+        last = part[-1]
     return orientation
 
 
@@ -231,9 +214,8 @@ def _closure_warning(
     content: _Content, orientation: Array, position: Array, offsets: Mapping[str, Array]
 ) -> Iterator[str]:
     some = np.unique(np.linspace(0, len(orientation) - 1, _CLOSURE_FRAMES).astype(int))
-    known = {
-        segment: offset for segment, offset in offsets.items() if content.measured[content.segments.index(segment)]
-    }
+    measured = {segment for segment, ok in zip(content.segments, content.measured, strict=True) if ok}
+    known = {segment: offset for segment, offset in offsets.items() if {segment, PARENT[segment]} <= measured}
     distance, segment = body.worst_joint_distance(content.segments, orientation[some], position[some], known)
     if not distance <= _CLOSURE_LIMIT_M:
         yield f"{segment} is {distance * 1e3:.0f} mm away from its joint: orientations, positions and points do not fit together"
@@ -260,52 +242,11 @@ def _foot_contacts(recording: MvnxRecording, content: _Content) -> BoolArray | N
     return np.asarray(values[:, columns] > 0.5)
 
 
-def _usual_step(recording: MvnxRecording) -> int:
-    return int(np.median(np.diff(recording.index))) if len(recording.index) > 1 else 1
-
-
-def _dropped_frames(recording: MvnxRecording, content: _Content) -> list[dict[str, Any]]:
-    usual, steps, time = _usual_step(recording), np.diff(recording.index), content.time
-    return [
-        {
-            "kind": "dropped frames",
-            "start_s": float(time[at]),
-            "duration_s": float(time[at + 1] - time[at]),
-            "frames": int(steps[at] // usual - 1),
-        }
-        for at in np.flatnonzero(steps >= 2 * usual)
-    ]
-
-
-def _missing_values(content: _Content) -> list[dict[str, Any]]:
-    gaps: list[dict[str, Any]] = []
-    time = content.time
-    for field, missing in content.missing.items():
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], missing.any(axis=1), [False]]).astype(int)))
-        for start, stop in edges.reshape(-1, 2):
-            before, after = max(start - 1, 0), min(stop, len(time) - 1)
-            gaps.append(
-                {
-                    "kind": "missing values",
-                    "field": field,
-                    "segments": [content.segments[s] for s in np.flatnonzero(missing[start:stop].any(axis=0))],
-                    "start_s": float(time[before]),
-                    "duration_s": float(time[after] - time[before]),
-                    "frames": int(stop - start),
-                }
-            )
-    return gaps
-
-
 def _freeze(array: Array | None) -> None:
     """Make `array`, and what it is a view of, read-only: such arrays `HumanMotion` shares instead of copying them."""
     while array is not None:
         array.flags.writeable = False
         array = array.base if isinstance(array.base, np.ndarray) else None
-
-
-def _blocks(frames: int) -> Iterator[slice]:
-    return (slice(start, start + _BLOCK) for start in range(0, frames, _BLOCK))
 
 
 FORMAT = Format(
