@@ -190,11 +190,13 @@ def _solve(
     """The solution and how many calming passes it took. Online there is none: what comes later is not known yet."""
     from retarget.core.solve.calm import calmed
     from retarget.core.solve.dynamical import DynamicalOptions, solve
+    from retarget.core.solve.newton import NewtonOptions
     from retarget.core.solve.problem import orientation_problem
     from retarget.core.solve.rounding import rounded_off
 
     problem = orientation_problem(targets, model, free_base=free_base)
-    how = DynamicalOptions(online=options.online, kernel=options.kernel)
+    newton = NewtonOptions(posture_weight=model.profile.posture_weight)
+    how = DynamicalOptions(online=options.online, kernel=options.kernel, newton=newton)
     solution = solve(problem, how, progress)
     if options.online:
         return solution, 0

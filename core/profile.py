@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+DEFAULT_POSTURE_WEIGHT = 1e-3
+
+
 @dataclass(frozen=True)
 class ModelSource:
     """Where the URDF comes from.
@@ -98,6 +101,8 @@ class RobotProfile:
     base_segment: the human segment whose heading is taken out of the targets when the base does not move.
     base_rpy: fixed-axis roll, pitch, yaw (rad) of the base link when the robot stands upright and faces +X.
     links: segment → link name. reference_posture: joint → rad, an approximate T-pose, absent joints at 0 clipped into limits.
+    posture_weight: how much every joint is drawn to the reference posture, beside task weights of about 1: it decides what targets leave open,
+    and keeps arms that hang along a shoulder axis from spinning. Larger is calmer and less exact.
     limb_ends: limb segment → link whose origin ends the limb where no mapped link follows it.
     default_velocity_limit: rad/s, caps every joint's speed and stands in where the URDF states none. joint_limits: joint, or pattern with *,
     → overrides, which win over the cap; of several that match a joint each adds to those before. locked_joints: may be patterns, too.
@@ -113,6 +118,7 @@ class RobotProfile:
     base_rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
     reference_posture: Mapping[str, float] = field(default_factory=dict)
     locked_joints: tuple[str, ...] = ()
+    posture_weight: float = DEFAULT_POSTURE_WEIGHT
     limb_ends: Mapping[str, str] = field(default_factory=dict)
     default_velocity_limit: float | None = None
     joint_limits: Mapping[str, JointLimit] = field(default_factory=dict)

@@ -60,10 +60,12 @@ def _solved(model: RobotModel, motion: HumanMotion) -> tuple[Targets, Array, Arr
     """Targets, joints (n,) rad and base orientation (4,) wxyz or None of the last frame."""
     from retarget.core.mapping import limb_plane
     from retarget.core.solve.dynamical import DynamicalOptions, solve
+    from retarget.core.solve.newton import NewtonOptions
     from retarget.core.solve.problem import orientation_problem
 
     targets = limb_plane.targets(motion, model)
-    solution = solve(orientation_problem(targets, model, free_base=model.base_is_floating), DynamicalOptions())
+    options = DynamicalOptions(newton=NewtonOptions(posture_weight=model.profile.posture_weight))
+    solution = solve(orientation_problem(targets, model, free_base=model.base_is_floating), options)
     base = None if solution.base_orientation is None else solution.base_orientation[-1]
     return targets, solution.joints[-1], base
 

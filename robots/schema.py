@@ -9,6 +9,7 @@ from typing import Any, NoReturn, TypeGuard
 import numpy as np
 from retarget.core.errors import ProfileError, nearest
 from retarget.core.profile import (
+    DEFAULT_POSTURE_WEIGHT,
     Array,
     CoupledJoints,
     Foot,
@@ -38,6 +39,7 @@ def parse_profile(table: Table, path: Path) -> RobotProfile:
             "links",
             "limb_ends",
             "reference_posture_rad",
+            "solver",
             "limits",
             "coupled",
             "hands",
@@ -58,6 +60,8 @@ def parse_profile(table: Table, path: Path) -> RobotProfile:
         model.fail("base_segment", base_segment, "a canonical segment name")
     limits = top.table("limits")
     limits.only(["default_velocity_rad_s", "joints"])
+    solver = top.table("solver")
+    solver.only(["posture_weight"])
     return RobotProfile(
         name=top.text("name", path.stem),
         description=top.text("description", ""),
@@ -72,6 +76,7 @@ def parse_profile(table: Table, path: Path) -> RobotProfile:
             k: top.table("reference_posture_rad").number(k) for k in top.table("reference_posture_rad").table_
         },
         locked_joints=tuple(model.texts("locked_joints")),
+        posture_weight=solver.positive("posture_weight") or DEFAULT_POSTURE_WEIGHT,
         default_velocity_limit=limits.positive("default_velocity_rad_s"),
         joint_limits=_joint_limits(limits.table("joints")),
         coupled=tuple(_coupled(entry) for entry in top.tables("coupled")),

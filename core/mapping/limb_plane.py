@@ -31,7 +31,7 @@ WEIGHTS = {
 }
 """Weights of orientation tasks by segment, sides alike. Hands and feet have few joints of their own: they must not bend limbs."""
 OTHER_WEIGHT = 0.3
-TWIST_WEIGHTS = {"T8": 0.2, "UpperArm": 0.05, "ForeArm": 0.0, "UpperLeg": 0.1, "LowerLeg": 0.0}
+TWIST_WEIGHTS = {"T8": 0.25, "UpperArm": 0.05, "ForeArm": 0.0, "UpperLeg": 0.1, "LowerLeg": 0.0}
 """How much a rotation about the segment's own long axis counts beside one across it. A robot whose arm can't reach across its chest may turn
 the chest, but it should not lean."""
 LONG_AXES = {"T8": (0.0, 0.0, 1.0)}

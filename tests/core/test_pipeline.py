@@ -6,7 +6,6 @@ import json
 
 import numpy as np
 import pytest
-
 from retarget import robots
 from retarget.core import robot_model, rotations
 from retarget.core.errors import MotionError, SolverError, UnknownNameError, UsageError

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-
 from retarget import robots
 from retarget.core import robot_model
 from retarget.core.segments import SEGMENTS
