@@ -32,9 +32,9 @@ class BoxQp:
         self.fallbacks = 0
 
     def solve(self, hessian: Array, gradient: Array, lower: Array, upper: Array) -> Array | None:
-        """x (size,) with lower ≤ x ≤ upper; None when H isn't positive definite on the variables inside their bounds.
+        """x (size,) with lower ≤ x ≤ upper; None when neither solver finds H positive definite enough.
 
-        H symmetric, all input finite, lower ≤ upper. Raises `SolverError` if both solvers fail. The result is overwritten by the next call.
+        H symmetric, all input finite, lower ≤ upper. The result is overwritten by the next call.
         """
         x, slope, step = self._x, self._slope, self._step
         free = self._by_projected_newton(hessian, gradient, lower, upper)
@@ -54,7 +54,10 @@ class BoxQp:
         if step.dot(step) <= accepted * accepted * (1.0 + gradient.dot(gradient)):
             return x
         self.fallbacks += 1
-        return self.solve_with_rows(hessian, gradient, lower, upper, self._no_rows, self._none, self._none)
+        try:
+            return self.solve_with_rows(hessian, gradient, lower, upper, self._no_rows, self._none, self._none)
+        except SolverError:
+            return None
 
     def _by_projected_newton(self, hessian: Array, gradient: Array, lower: Array, upper: Array) -> int:
         """Solve into `_x`; the number of free variables, negative when H isn't positive definite on them."""

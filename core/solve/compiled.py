@@ -1,13 +1,14 @@
-"""`FrameSolver` with its inner loops compiled (`kernel`), the extra `[fast]`: the same answers, many times as fast.
+"""`FrameSolver` that follows a clip in compiled code (`kernel`), the extra `[fast]`: the same answers, several times as fast.
 
-Frames that the kernel does not handle are solved by the NumPy solver, and the kernel goes on after them.
+Frames that the kernel does not handle are solved by the NumPy solver, and the kernel goes on after them. Single frames, and with them all
+decisions between starts and basins, are the NumPy solver's.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from retarget.core.solve import kernel
-from retarget.core.solve.newton import TOUCH_RAD, Converged, FrameSolver, NewtonOptions, Path
+from retarget.core.solve.newton import TOUCH_RAD, FrameSolver, NewtonOptions, Path
 from retarget.core.solve.problem import OrientationProblem
 from retarget.core.types import FRAME_OK, Array
 
@@ -32,19 +33,6 @@ class CompiledSolver(FrameSolver):
         )
         self._work = kernel.work_space(problem.columns)
         self._time = np.array(problem.time)
-
-    def converge(self, k: int, q: Array, lower: Array, upper: Array) -> Converged:
-        """As `FrameSolver.converge`."""
-        tried = np.array(q)
-        # Copies, because numba compiles arrays that can't be written to anew.
-        iterations, cost = kernel.converge(
-            self._tree, self._tasks, self._limits, self._posture, k, tried, np.array(lower), np.array(upper),
-            self.options.tolerance, self._work,
-        )  # fmt: skip
-        if iterations:
-            return Converged(tried, cost, iterations, True)
-        self.handed_over += 1
-        return super().converge(k, q, lower, upper)
 
     def follow(self, path: Path, first: int, last: int, below: Array | None = None) -> int:
         """As `FrameSolver.follow`."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from retarget.core import rotations
 from retarget.core.errors import UsageError
+from retarget.core.solve.basins import leave_worse_basins
 from retarget.core.solve.newton import FrameSolver, NewtonOptions, Path
 from retarget.core.solve.online import OnlineOptions, OnlineSolver
 from retarget.core.solve.problem import OrientationProblem
@@ -52,7 +53,7 @@ class Solution:
     """joints (T, n) rad; base_orientation (T, 4) wxyz world ← base link, or None; status (T,); iterations (T,) QPs per frame.
 
     start: which of the first frame's starts was the best (0 = the reference posture). fallbacks: QPs solved by the fallback solver.
-    unconverged: frames on which the iterations ran out.
+    unconverged: frames on which the iterations ran out. exchanged: stretches that a better basin replaced (`basins`).
     """
 
     joints: Array
@@ -62,6 +63,7 @@ class Solution:
     start: int
     fallbacks: int
     unconverged: int = 0
+    exchanged: int = 0
 
 
 def solve(problem: OrientationProblem, options: DynamicalOptions, progress: Progress | None = None) -> Solution:
@@ -82,6 +84,7 @@ def solve(problem: OrientationProblem, options: DynamicalOptions, progress: Prog
         follow(path, begin, end)
         if progress is not None:
             progress(end + 1, frames)
+    exchanged = 0 if options.online else leave_worse_basins(solver, path)
     orientation = rotations.make_continuous(np.roll(path.q[:, 3:7], 1, axis=1)) if problem.base_columns else None
     return Solution(
         joints=path.q[:, -n:].copy(),
@@ -91,6 +94,7 @@ def solve(problem: OrientationProblem, options: DynamicalOptions, progress: Prog
         start=start,
         fallbacks=solver.qp.fallbacks,
         unconverged=int(path.unconverged.sum()),
+        exchanged=exchanged,
     )
 
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core.errors import SolverError
+from retarget.core.profile import DEFAULT_POSTURE_WEIGHT
 from retarget.core.solve.box_qp import BoxQp
 from retarget.core.solve.limits import ROW_MARGIN_RAD, reachable
 from retarget.core.solve.normal_equations import NormalEquations
@@ -43,7 +44,7 @@ class NewtonOptions:
     max_step_rad: largest change of one variable in one step. max_iterations: QPs after which a frame is left as it is, unconverged.
     """
 
-    posture_weight: float = 1e-3
+    posture_weight: float = DEFAULT_POSTURE_WEIGHT
     tolerance: float = 1e-10
     max_step_rad: float = 0.5
     max_iterations: int = 100
@@ -154,7 +155,7 @@ class FrameSolver:
         step_s = abs(float(problem.time[k] - problem.time[k - direction]))
         lower, upper = reachable(before[-n:], problem.lower, problem.upper, problem.velocity, step_s)
         try:
-            found = FrameSolver.converge(self, k, self._guess(path, k, direction, lower, upper), lower, upper)
+            found = self.converge(k, self._guess(path, k, direction, lower, upper), lower, upper)
         except SolverError:
             found = None
         if below is not None and (found is None or not found.cost < below[k]):
