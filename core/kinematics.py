@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from retarget.core import rotations
@@ -33,6 +34,37 @@ def link_poses(
         shift = np.zeros((1, 3)) if base_position is None else base_position[part]
         rotation[part], origin[part] = chain.poses(links, joints[part], rotations.to_matrix(turn), shift)
     return rotation, origin
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """World rotation (T, 3, 3) and origin (T, 3) m of each of `links`, all from one pass over the tree."""
+
+    links: tuple[str, ...]
+    rotation: Array
+    origin: Array
+
+    @classmethod
+    def of(
+        cls,
+        model: RobotModel,
+        links: Iterable[str],
+        joints: Array,
+        base_orientation: Array | None = None,
+        base_position: Array | None = None,
+    ) -> Poses:
+        """Poses of `links` (repeats are fine); the other arguments are those of `link_poses`."""
+        names = tuple(dict.fromkeys(links))
+        return cls(names, *link_poses(model, names, joints, base_orientation, base_position))
+
+    def rotations_of(self, links: Sequence[str]) -> Array:
+        """(T, L, 3, 3), in the order of `links`."""
+        return self.rotation[:, [self.links.index(link) for link in links]]
+
+    def at(self, link: str) -> tuple[Array, Array]:
+        """Rotation (T, 3, 3) and origin (T, 3) m of one link."""
+        i = self.links.index(link)
+        return self.rotation[:, i], self.origin[:, i]
 
 
 class _Chain:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from retarget.core import rotations
 from retarget.core.contacts import foot_contacts
-from retarget.core.kinematics import link_poses
+from retarget.core.kinematics import Poses
 from retarget.core.mapping.limb_plane import bone_direction
 from retarget.core.robot_model import RobotModel
 from retarget.core.segments import LIMB_END
-from retarget.core.solve.base import sole_corners
+from retarget.core.solve.base import foot_links, sole_corners
 from retarget.core.types import Array, BoolArray, HumanMotion, JointTrajectory, Targets
 
 ROUNDING = 1e-9
@@ -29,11 +29,13 @@ def measure(
     All errors are degrees, over measured and mapped segments. Feet figures are None for robots without feet or with a fixed base.
     """
     series: dict[str, Array] = {}
-    limb = limb_direction_errors(trajectory, model, motion)
-    link = orientation_errors(trajectory, model, targets)
+    links = [*(limb.link for limb in model.limbs.values()), *(task.frame for task in targets.tasks)]
+    poses = _poses(model, trajectory, [*links, *foot_links(model)])
+    limb = limb_direction_errors(trajectory, model, motion, poses)
+    link = orientation_errors(trajectory, model, targets, poses)
     series |= {f"limb_direction_error_deg/{segment}": error for segment, error in limb.items()}
     series |= {f"orientation_error_deg/{segment}": error for segment, error in link.items()}
-    skate, penetration, feet = foot_figures(trajectory, model, foot_contacts(motion))
+    skate, penetration, feet = foot_figures(trajectory, model, foot_contacts(motion), poses)
     series |= feet
     limits, limit_series = limit_figures(trajectory, model)
     series |= limit_series
@@ -51,10 +53,13 @@ def measure(
     return metrics, series
 
 
-def limb_direction_errors(trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion) -> dict[str, Array]:
-    """Limb segment → angle (T,) in degrees between the person's and the robot's joint-centre lines, in the world (METHODS D)."""
+def limb_direction_errors(
+    trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion, poses: Poses | None = None
+) -> dict[str, Array]:
+    """Limb segment → angle (T,) in degrees between the person's and the robot's joint-centre lines, in the world."""
     limbs = [limb for segment, limb in model.limbs.items() if motion.has(segment)]
-    rotation, _ = link_poses(model, [limb.link for limb in limbs], trajectory.position, trajectory.base_orientation)
+    links = [limb.link for limb in limbs]
+    rotation = (poses or _poses(model, trajectory, links)).rotations_of(links)
     errors = {}
     for i, limb in enumerate(limbs):
         achieved = rotation[:, i] @ limb.bone
@@ -72,10 +77,13 @@ def person_limb(motion: HumanMotion, segment: str) -> Array:
     return bone_direction(motion, segment)
 
 
-def orientation_errors(trajectory: JointTrajectory, model: RobotModel, targets: Targets) -> dict[str, Array]:
+def orientation_errors(
+    trajectory: JointTrajectory, model: RobotModel, targets: Targets, poses: Poses | None = None
+) -> dict[str, Array]:
     """Segment (or frame, for tasks of none) → angle (T,) in degrees between the target and the achieved orientation of its link."""
     tasks = [task for task in targets.tasks if task.kind == "orientation"]
-    rotation, _ = link_poses(model, [task.frame for task in tasks], trajectory.position, trajectory.base_orientation)
+    links = [task.frame for task in tasks]
+    rotation = (poses or _poses(model, trajectory, links)).rotations_of(links)
     achieved = rotations.from_matrix(rotation)
     return {t.segment or t.frame: np.degrees(rotations.angle(achieved[:, i], t.value)) for i, t in enumerate(tasks)}
 
@@ -114,7 +122,10 @@ def jerk_rms(trajectory: JointTrajectory) -> float:
 
 
 def foot_figures(
-    trajectory: JointTrajectory, model: RobotModel, contacts: BoolArray | None = None
+    trajectory: JointTrajectory,
+    model: RobotModel,
+    contacts: BoolArray | None = None,
+    poses: Poses | None = None,
 ) -> tuple[dict[str, float] | None, dict[str, float] | None, dict[str, Array]]:
     """(skate in m/s, penetration in mm, series), floor at z = 0.
 
@@ -124,7 +135,7 @@ def foot_figures(
     """
     if not model.profile.feet or trajectory.base_orientation is None or trajectory.base_position is None:
         return None, None, {}
-    corners = sole_corners(model, trajectory.position, trajectory.base_orientation, trajectory.base_position)
+    corners = sole_corners(model, poses or _poses(model, trajectory, foot_links(model)))
     series: dict[str, Array] = {}
     speeds = []
     depth = np.zeros(trajectory.frames)
@@ -149,6 +160,10 @@ def foot_figures(
         else {"mean": 0.0, "max": 0.0}
     )
     return skate, {"mean": float(depth.mean()), "max": float(depth.max())}, series
+
+
+def _poses(model: RobotModel, trajectory: JointTrajectory, links: list[str]) -> Poses:
+    return Poses.of(model, links, trajectory.position, trajectory.base_orientation, trajectory.base_position)
 
 
 def _summary(errors: Mapping[str, Array], key: str) -> dict[str, Any]:

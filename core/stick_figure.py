@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from retarget.core.kinematics import link_poses
+from retarget.core.kinematics import Poses, link_poses
 from retarget.core.robot_model import RobotModel
 from retarget.core.segments import PARENT
+from retarget.core.solve.base import foot_links, sole_corners
 from retarget.core.types import Array, HumanMotion, JointTrajectory
 
 Bones = NDArray[np.intp]
@@ -37,13 +38,12 @@ def robot_figure(trajectory: JointTrajectory, model: RobotModel) -> tuple[Array,
         bones.append((owner[int(pin_model.parents[i])], len(links)))
         links.append(link)
     _, points = link_poses(model, links, trajectory.position, trajectory.base_orientation, trajectory.base_position)
-    for side, foot in model.profile.feet.items():
-        rotation, origin = link_poses(
-            model, [foot.link], trajectory.position, trajectory.base_orientation, trajectory.base_position
-        )
-        corners = origin[:, 0, None] + foot.sole @ rotation[:, 0].transpose(0, 2, 1)
+    poses = Poses.of(
+        model, foot_links(model), trajectory.position, trajectory.base_orientation, trajectory.base_position
+    )
+    for side, corners in sole_corners(model, poses).items():
         ankle = owner[model.link_in_joint(model.profile.feet[side].link)[0]]
         first = points.shape[1]
-        bones += [(ankle, first + k) for k in range(len(foot.sole))]
+        bones += [(ankle, first + k) for k in range(corners.shape[1])]
         points = np.concatenate([points, corners], axis=1)
     return points, np.array(bones, np.intp).reshape(-1, 2)

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 from retarget.core.contacts import foot_contacts
-from retarget.core.kinematics import link_poses
+from retarget.core.kinematics import Poses, link_poses
 from retarget.core.robot_model import RobotModel
 from retarget.core.segments import LIMB_END
 from retarget.core.timebase import smooth
@@ -33,18 +33,18 @@ def default_mode(model: RobotModel) -> BaseMode:
     return "contact" if model.profile.feet else "human"
 
 
-def sole_corners(
-    model: RobotModel, joints: Array, base_orientation: Array, base_position: Array | None = None
-) -> dict[str, Array]:
-    """Side → (T, K, 3) m, world, corners of that foot's sole; relative to the base link's origin when no position is given."""
-    sides = list(model.profile.feet)
-    rotation, origin = link_poses(
-        model, [model.profile.feet[s].link for s in sides], joints, base_orientation, base_position
-    )
-    return {
-        side: origin[:, i, None] + model.profile.feet[side].sole @ rotation[:, i].transpose(0, 2, 1)
-        for i, side in enumerate(sides)
-    }
+def foot_links(model: RobotModel) -> list[str]:
+    """Links of the profile's feet."""
+    return [foot.link for foot in model.profile.feet.values()]
+
+
+def sole_corners(model: RobotModel, poses: Poses) -> dict[str, Array]:
+    """Side → (T, K, 3) m, world, corners of that foot's sole; `poses` must hold `foot_links`."""
+    corners = {}
+    for side, foot in model.profile.feet.items():
+        rotation, origin = poses.at(foot.link)
+        corners[side] = origin[:, None] + foot.sole @ rotation.transpose(0, 2, 1)
+    return corners
 
 
 def base_position(
@@ -54,7 +54,7 @@ def base_position(
 
     joints: (T, n) rad; base_orientation: (T, 4) wxyz; motion: the T frames that were retargeted.
     """
-    corners = sole_corners(model, joints, base_orientation) if model.profile.feet else {}
+    corners = sole_corners(model, Poses.of(model, foot_links(model), joints, base_orientation))
     if mode == "fixed" or not corners:
         standing = np.zeros((motion.frames, 3))
         if mode == "human":
