@@ -115,7 +115,7 @@ class _Parser:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.expat = expat.ParserCreate()
+        self.expat = expat.ParserCreate(intern=None)  # looking names up to share their strings costs more than it saves
         self.expat.buffer_text = False
         self.expat.StartElementHandler = self._start_in_header
         self.expat.EndElementHandler = self._end_in_header

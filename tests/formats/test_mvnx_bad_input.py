@@ -89,6 +89,8 @@ WHOLE: list[tuple[str, Callable[[str], str | bytes], str]] = [
      "unknown segment 'RightForearms'; expected RightForeArm or"),
     ("strange segment", lambda text: text.replace('label="Pelvis"', 'label="Xq"'), "unknown segment 'Xq'; expected one of Pelvis, L5,"),
     ("segment twice", lambda text: text.replace('label="L5"', 'label="Pelvis"'), "segment 'Pelvis' stands twice; expected each label once"),
+    ("only props", lambda text: re.sub(r"(?s)<segments>.*</segments>", '<segments><segment label="Prop1"/></segments>', re.sub(r">(?:[-0-9. ]+)</(orientation|position|angularVelocity)>", lambda m: f">{'1 0 0 0'[: 7 if m[1] == 'orientation' else 5]}</{m[1]}>", text)),
+     "walk.mvnx: only props among the segments; expected a person"),
     ("no segments", lambda text: re.sub(r"(?s)<segments>.*</segments>", "", text), "no <segment> before <frames>; expected the segments whose values the frames hold"),
     ("two people", lambda text: text.replace("<segments>", '</subject><subject frameRate="60"><segments>'), "a second <subject>; expected one person, one recording"),
     ("two takes", lambda text: text.replace("</frames>", "</frames><frames></frames>"), "a second <frames>; expected one person, one recording"),
