@@ -1,4 +1,4 @@
-"""Rounding off: kinks that the robot's limits put into a motion are averaged out over a tenth of a second, without lag.
+"""Rounding off: kinks that the robot's limits put into a motion are averaged out over less than a tenth of a second, without lag.
 
 Where a limit engages or lets go, the exact answer changes its speed within a frame; a person does not. Frames are compared with the person's own
 quickness, so that what the person did abruptly (a heel strike) stays as it was. All joints of a frame are averaged by the same share, so that
@@ -27,7 +27,7 @@ class RoundingOptions:
 
     kink_rad_s: float = 0.2
     own_factor: float = 1.5
-    window_s: float = 0.1
+    window_s: float = 0.07
     reach_s: float = 0.15
     gain: float = 4.0
 
