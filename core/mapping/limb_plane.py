@@ -62,7 +62,7 @@ def targets(motion: HumanMotion, model: RobotModel) -> Targets:
                 kind="orientation",
                 value=rotations.multiply(value, rotations.from_matrix(constants[segment])),
                 feed_forward=rotations.angular_velocity(motion.time, value),
-                weight=parameters.weights.get(segment, WEIGHTS.get(part, OTHER_WEIGHT)),
+                weight=np.array(parameters.weights.get(segment, WEIGHTS.get(part, OTHER_WEIGHT))),
                 twist_weight=1.0 if axis is None else parameters.twist_weights.get(segment, TWIST_WEIGHTS[part]),
                 axis=np.array([1.0, 0.0, 0.0]) if axis is None else axis,
                 segment=segment,

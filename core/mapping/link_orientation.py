@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from retarget.core import rotations
 from retarget.core.mapping import Mapping
 from retarget.core.mapping.link_rotations import as_in_paper
@@ -30,7 +31,7 @@ def targets(motion: HumanMotion, model: RobotModel) -> Targets:
                 kind="orientation",
                 value=rotations.multiply(orientation, rotations.from_matrix(constants[segment])),
                 feed_forward=rotations.angular_velocity(motion.time, orientation) if omega is None else omega[:, index],
-                weight=parameters.weights.get(segment, 1.0),
+                weight=np.array(parameters.weights.get(segment, 1.0)),
                 segment=segment,
             )
         )
