@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 from retarget.core.solve import kernel
-from retarget.core.solve.newton import TOUCH_RAD, FrameSolver, NewtonOptions, Path
+from retarget.core.solve.newton import FrameSolver, NewtonOptions, Path
 from retarget.core.solve.problem import OrientationProblem
 from retarget.core.types import FRAME_OK, Array
+
+TOUCH_RAD = 1e-5
+"""Frames that come nearer than this to a coupled row's bound are the NumPy solver's."""
 
 
 def is_kept() -> bool:
@@ -44,7 +47,7 @@ class CompiledSolver(FrameSolver):
                 self._tree, self._tasks, self._limits, self._posture, self._time, path.q, path.cost, path.iterations,
                 limit, first, last, self.options.tolerance, self._work,
             )  # fmt: skip
-            solved = slice(min(begin, first), max(begin, first) + 1)
+            solved = slice(begin + 1, first + 1) if direction > 0 else slice(first, begin)
             path.status[solved], path.unconverged[solved] = FRAME_OK, False
             if ended:
                 return first

@@ -8,7 +8,7 @@ from retarget.core.solve.box_qp import BoxQp
 from retarget.core.types import Array
 
 ROW_MARGIN_RAD = 1e-7
-"""Coupled rows are solved this much inside, because the QP solver meets rows only to its own tolerance."""
+"""Coupled rows are solved this much inside: what solvers and arithmetic round must not break them."""
 
 TANH_SHARPNESS = 0.5
 """1/rad; the authors' value."""
@@ -50,6 +50,30 @@ class DampedVelocityBounds:
             low, high = self._of_joints
             np.maximum(low, self._room[0] / step_s, low)
             np.minimum(high, self._room[1] / step_s, high)
+
+
+class CoupledRows:
+    """Coupled joints' inequalities as rows over the unknowns of a step: `free` columns of the base, then the joints.
+
+    matrix (m, n), lower and upper (m,): lower ≤ matrix · s ≤ upper. rows: (m, free + n).
+    """
+
+    def __init__(self, free: int, matrix: Array, lower: Array, upper: Array) -> None:
+        self._matrix, self._lower, self._upper = matrix, lower, upper
+        self.rows = np.hstack([np.zeros((len(matrix), free)), matrix])
+
+    def hold(self, joints: Array) -> bool:
+        """Whether the rows hold at `joints` (n,)."""
+        value = self._matrix @ joints
+        return bool((value >= self._lower).all() and (value <= self._upper).all())
+
+    def room(self, joints: Array) -> tuple[Array, Array]:
+        """Bounds (m,), (m,) on rows · step from `joints` (n,), which satisfy the rows; drawn in by `ROW_MARGIN_RAD`, never past 0."""
+        value = self._matrix @ joints
+        return (
+            np.minimum(self._lower + ROW_MARGIN_RAD - value, 0.0),
+            np.maximum(self._upper - ROW_MARGIN_RAD - value, 0.0),
+        )
 
 
 def nearest_feasible(joints: Array, lower: Array, upper: Array, rows: tuple[Array, Array, Array] | None) -> Array:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from retarget.core.errors import SolverError
 from retarget.core.profile import DEFAULT_POSTURE_WEIGHT
 from retarget.core.solve.box_qp import BoxQp
-from retarget.core.solve.limits import ROW_MARGIN_RAD, reachable
+from retarget.core.solve.limits import CoupledRows, reachable
 from retarget.core.solve.normal_equations import NormalEquations
 from retarget.core.solve.problem import OrientationProblem
 from retarget.core.types import FRAME_MARKED, FRAME_OK, Array
@@ -33,8 +33,6 @@ RIDGE_STEP_RAD, MOST_RIDGES = 0.05, 3
 COST_ROUNDING = 1e-12
 QP_SCALE = 1e6
 """Steps are solved in millionths of a radian: frames converge far below the QP solver's own stop."""
-TOUCH_RAD = 1e-5
-"""A coupled row nearer to its bound than this is touched."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +98,7 @@ class FrameSolver:
         self.qp = BoxQp(problem.columns, QP_SCALE)
         self._pin, self._model = pin, problem.model.pin_model
         self._base, self._joints = problem.base_columns, len(problem.lower)
+        self._coupled = None if problem.coupled is None else CoupledRows(problem.base_columns, *problem.coupled)
         self._equations = NormalEquations(problem, np.repeat([0.0, options.posture_weight], [self._base, self._joints]))
         self._damped = np.empty_like(self._equations.hessian)
         self._low = np.full(problem.columns, -options.max_step_rad)
@@ -114,7 +113,7 @@ class FrameSolver:
         options, n = self.options, self._joints
         q = q.copy()
         q[-n:] = np.minimum(np.maximum(q[-n:], lower), upper)
-        damping, last_size, before, cost_before, ridges = 0.0, np.inf, q, np.inf, 0
+        damping, last_damping, last_size, before, cost_before, ridges = 0.0, 0.0, np.inf, q, np.inf, 0
         for iteration in range(1, options.max_iterations + 1):
             cost = self._linearise(k, q)
             if (
@@ -128,12 +127,14 @@ class FrameSolver:
             before, cost_before = q, cost
             q = self._advance(q, step, lower, upper)
             size = max(float(step.max()), -float(step.min()))
-            if remaining(size, last_size) <= options.tolerance:
+            # A step that is shorter because it is damped more says nothing about what is left.
+            comparable = damping == 0.0 or (damping <= last_damping and last_size < np.inf)
+            if comparable and remaining(size, last_size) <= options.tolerance:
                 down = self._way_down(before, lower, upper) if damping > 0.0 and ridges < MOST_RIDGES else None
                 if down is None:
                     return Converged(q, self._cost_after(cost, step), iteration, True)
                 q, cost_before, size, ridges = down, np.inf, np.inf, ridges + 1
-            last_size = size
+            last_size, last_damping = size, damping
         return Converged(q, self._cost_after(cost, step), options.max_iterations, False)
 
     def follow(self, path: Path, first: int, last: int, below: Array | None = None) -> int:
@@ -180,14 +181,7 @@ class FrameSolver:
         joints = guess[-self._joints :]
         np.minimum(joints, upper, out=joints)
         np.maximum(joints, lower, out=joints)
-        return guess if self._rows_hold(joints) else before
-
-    def _rows_hold(self, joints: Array) -> bool:
-        if self.problem.coupled is None:
-            return True
-        matrix, rows_lower, rows_upper = self.problem.coupled
-        value = matrix @ joints
-        return bool((value >= rows_lower).all() and (value <= rows_upper).all())
+        return guess if self._coupled is None or self._coupled.hold(joints) else before
 
     def _linearise(self, k: int, q: Array) -> float:
         cost = self._equations.linearise(k, q)
@@ -202,16 +196,7 @@ class FrameSolver:
             self._equations.gradient[b:] += stiffness * away
             columns = len(self._equations.gradient)
             self._equations.hessian.reshape(-1)[b * (columns + 1) :: columns + 1] += stiffness
-        if self.problem.coupled is not None:
-            self._stiffen_across_rows(q)
         return cost
-
-    def _stiffen_across_rows(self, q: Array) -> None:
-        """Make H convex in the directions that touched coupled rows forbid: what it says there changes no step along them."""
-        matrix, rows_lower, rows_upper = self.problem.coupled  # type: ignore[misc]  # called only where there are rows
-        value = matrix @ q[-self._joints :]
-        touched = matrix[(value < rows_lower + TOUCH_RAD) | (value > rows_upper - TOUCH_RAD)]
-        self._equations.hessian[self._base :, self._base :] += touched.T @ touched
 
     def _cost_after(self, cost: float, step: Array) -> float:
         return cost + float(step @ (self._equations.gradient + 0.5 * (self._equations.hessian @ step)))
@@ -229,29 +214,20 @@ class FrameSolver:
             if damping > 0.0:
                 np.copyto(self._damped, hessian)
                 self._damped.reshape(-1)[:: len(self._damped) + 1] += damping
-            step = self._qp_step(self._damped if damping > 0.0 else hessian, joints, low, high)
+            # Damping comes cheaper than a thorough search, but only without it do steps end quadratically near.
+            step = self._qp_step(self._damped if damping > 0.0 else hessian, joints, low, high, damping == 0.0)
             if step is not None:
                 return step, damping
             damping = max(DAMPING_FACTOR * damping, FIRST_DAMPING)
         raise SolverError("no damping makes the QP convex")
 
-    def _qp_step(self, hessian: Array, joints: Array, low: Array, high: Array) -> Array | None:
+    def _qp_step(self, hessian: Array, joints: Array, low: Array, high: Array, thorough: bool) -> Array | None:
         """The QP's solution, coupled rows included; None where H is not convex enough for it."""
         gradient = self._equations.gradient
-        step = self.qp.solve(hessian, gradient, low, high)
-        if step is None or self.problem.coupled is None:
-            return step
-        matrix, rows_lower, rows_upper = self.problem.coupled
-        value, moved = matrix @ joints, matrix @ step[self._base :]
-        room_low = np.minimum(rows_lower + ROW_MARGIN_RAD - value, 0.0)
-        room_high = np.maximum(rows_upper - ROW_MARGIN_RAD - value, 0.0)
-        if (moved >= room_low).all() and (moved <= room_high).all():
-            return step  # the optimum of the relaxed problem is feasible, so it is the optimum
-        rows = np.hstack([np.zeros((len(matrix), self._base)), matrix])
-        try:
-            return self.qp.solve_with_rows(hessian, gradient, low, high, rows, room_low, room_high)
-        except SolverError:
-            return None
+        if self._coupled is None:
+            return self.qp.solve(hessian, gradient, low, high, thorough=thorough)
+        room = self._coupled.room(joints)
+        return self.qp.solve_coupled(hessian, gradient, low, high, self._coupled.rows, *room, thorough=thorough)
 
     def _advance(self, q: Array, step: Array, lower: Array, upper: Array) -> Array:
         self._full_step[-len(step) :] = step
@@ -268,6 +244,8 @@ class FrameSolver:
         held = np.zeros(len(gradient), bool)
         held[b:] = ((joints <= lower + 1e-9) & (gradient[b:] >= 0)) | ((joints >= upper - 1e-9) & (gradient[b:] <= 0))
         free = np.flatnonzero(~held)
+        if not len(free):
+            return None
         values, vectors = np.linalg.eigh(self._equations.hessian[np.ix_(free, free)])
         if values[0] > -1e-9:
             return None
@@ -277,7 +255,7 @@ class FrameSolver:
         step = np.zeros(len(gradient))
         step[free] = down * (np.sign(down[leading]) * RIDGE_STEP_RAD / np.abs(down).max())
         after = self._advance(q, step, lower, upper)
-        return after if self._rows_hold(after[-self._joints :]) else None
+        return after if self._coupled is None or self._coupled.hold(after[-self._joints :]) else None
 
 
 def remaining(size: float, last_size: float) -> float:

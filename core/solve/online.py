@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from retarget.core.errors import SolverError
 from retarget.core.solve.box_qp import BoxQp
-from retarget.core.solve.limits import ROW_MARGIN_RAD, DampedVelocityBounds
+from retarget.core.solve.limits import CoupledRows, DampedVelocityBounds
 from retarget.core.solve.newton import Path
 from retarget.core.solve.normal_equations import NormalEquations
 from retarget.core.solve.problem import OrientationProblem
@@ -38,6 +38,7 @@ class OnlineSolver:
 
         self.problem, self.options = problem, options
         self.qp = BoxQp(problem.columns)
+        self._coupled = None if problem.coupled is None else CoupledRows(problem.base_columns, *problem.coupled)
         self._bounds = DampedVelocityBounds(problem.base_columns, problem.lower, problem.upper, problem.velocity)
         self._integrate, self._model = pin.integrate, problem.model.pin_model
         self._equations = NormalEquations(problem, np.full(problem.columns, options.damping))
@@ -60,29 +61,26 @@ class OnlineSolver:
         return after
 
     def follow(self, path: Path, first: int, last: int) -> None:
-        """One QP for every frame after `first` up to `last`. Frames on which it fails hold the posture before and are marked."""
+        """One QP for every frame after `first` up to `last`: what the frame before asks for leads to it [explicit Euler].
+
+        Frames on which it fails hold the posture before and are marked.
+        """
         q, times = path.q[first], self.problem.time.tolist()
         for k in range(first + 1, last + 1):
             try:
-                q = self.step(k, q, times[k] - times[k - 1])
+                q = self.step(k - 1, q, times[k] - times[k - 1])
             except SolverError:
                 path.status[k] = FRAME_MARKED
             path.q[k] = q
         path.iterations[first + 1 : last + 1] = 1
 
     def _velocity(self, joints: Array, step_s: float) -> Array:
-        hessian, gradient = self._equations.hessian, self._equations.gradient
-        low, high = self._bounds.low, self._bounds.high
-        velocity = self.qp.solve(hessian, gradient, low, high)
+        problem = (self._equations.hessian, self._equations.gradient, self._bounds.low, self._bounds.high)
+        if self._coupled is None:
+            velocity = self.qp.solve(*problem)
+        else:
+            room = (bound / step_s for bound in self._coupled.room(joints))
+            velocity = self.qp.solve_coupled(*problem, self._coupled.rows, *room)
         if velocity is None:
-            raise SolverError("the online QP is not convex")
-        if self.problem.coupled is None:
-            return velocity
-        matrix, rows_lower, rows_upper = self.problem.coupled
-        value, moved = matrix @ joints, matrix @ velocity[self.problem.base_columns :]
-        room_low = np.minimum(rows_lower + ROW_MARGIN_RAD - value, 0.0) / step_s
-        room_high = np.maximum(rows_upper - ROW_MARGIN_RAD - value, 0.0) / step_s
-        if (moved >= room_low).all() and (moved <= room_high).all():
-            return velocity
-        rows = np.hstack([np.zeros((len(matrix), self.problem.base_columns)), matrix])
-        return self.qp.solve_with_rows(hessian, gradient, low, high, rows, room_low, room_high)
+            raise SolverError("the online QP has no solution")
+        return velocity

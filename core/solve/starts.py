@@ -48,9 +48,25 @@ def postures(problem: OrientationProblem, seed: int) -> Iterator[Array]:
 
 
 def configuration(problem: OrientationProblem, k: int, joints: Array) -> Array:
-    """pinocchio configuration of `joints`, the base turned to the target of the link it carries where there is one, else upright."""
-    q = problem.model.configuration(joints)
-    root = np.flatnonzero(problem.joint_ids == 1)
-    if problem.base_columns and len(root):
-        q[3:7] = np.roll(rotations.from_matrix(problem.desired[k, root[0]]), -1)
-    return np.asarray(q)
+    """pinocchio configuration of `joints`, a moving base turned to frame k's target of the link it carries, or to that of all links together."""
+    q: Array = np.asarray(problem.model.configuration(joints))
+    if problem.base_columns:
+        root = np.flatnonzero(problem.joint_ids == 1)
+        rotation = problem.desired[k, root[0]] if len(root) else _common_turn(problem, k, joints)
+        q[3:7] = np.roll(rotations.from_matrix(rotation), -1)
+    return q
+
+
+def _common_turn(problem: OrientationProblem, k: int, joints: Array) -> Array:
+    """The base rotation (3, 3) that brings all links together nearest to their targets in the least squares sense [Wahba's problem]."""
+    import pinocchio as pin
+
+    model = problem.model.pin_model
+    data = model.createData()
+    pin.forwardKinematics(model, data, problem.model.configuration(joints, np.array([1.0, 0.0, 0.0, 0.0])))
+    turns = sum(
+        weight * desired @ np.array(data.oMi[int(joint)].rotation).T
+        for joint, desired, weight in zip(problem.joint_ids, problem.desired[k], problem.weight[k], strict=True)
+    )
+    left, _, right = np.linalg.svd(turns)
+    return np.asarray(left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right)
