@@ -55,19 +55,18 @@ def frames_to_look_at(time: Array) -> NDArray[np.intp]:
 
 
 def _better(solver: FrameSolver, path: Path, k: int) -> Converged | None:
+    """What a fresh start finds at frame k, if that is clearly cheaper than what the path would find, given the time to get there."""
     problem = solver.problem
-    seed = int(abs(np.floor(problem.time[k] / EVERY_S + 1e-6)))
-    away = path.q[k, -len(problem.lower) :] - problem.reference
-    of_tasks = path.cost[k] - 0.5 * solver.options.posture_weight * float(away @ away)
-    starts = STARTS if of_tasks > GOOD_COST else STARTS_WHERE_GOOD
     try:
-        _, found = best_start(solver, k, islice(postures(problem, seed), starts))
-        if found.cost >= path.cost[k] * (1.0 - CLEARLY_CHEAPER):
-            return None
-        released = solver.converge(k, path.q[k], problem.lower, problem.upper)
+        own = solver.converge(k, path.q[k], problem.lower, problem.upper)
+        away = own.q[-len(problem.lower) :] - problem.reference
+        of_tasks = own.cost - 0.5 * solver.options.posture_weight * float(away @ away)
+        seed = int(abs(np.floor(problem.time[k] / EVERY_S + 1e-6)))
+        starts = islice(postures(problem, seed), STARTS if of_tasks > GOOD_COST else STARTS_WHERE_GOOD)
+        _, found = best_start(solver, k, starts)
     except SolverError:
         return None
-    return None if released.cost < found.cost * (1.0 + CLEARLY_CHEAPER) else found
+    return found if found.cost < own.cost * (1.0 - CLEARLY_CHEAPER) else None
 
 
 def _exchange(solver: FrameSolver, path: Path, k: int, found: Converged) -> bool:
@@ -125,8 +124,8 @@ def _mixed(solver: FrameSolver, path: Path, branch: Path, share: Array, touched:
             continue
         mixed.q[k, -n:] = path.q[k, -n:] + share[k] * (branch.q[k, -n:] - path.q[k, -n:])
         if path.q.shape[1] > n:
-            base = (np.roll(p.q[k, 3:7], 1) for p in (path, branch))
-            mixed.q[k, 3:7] = np.roll(rotations.slerp(*base, share[k]), -1)
+            here, there = (np.roll(p.q[k, 3:7], 1) for p in (path, branch))
+            mixed.q[k, 3:7] = np.roll(rotations.slerp(here, there, share[k]), -1)
         mixed.cost[k] = solver.cost(k, mixed.q[k])
     return mixed
 

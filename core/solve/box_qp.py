@@ -139,7 +139,7 @@ class BoxQp:
         )  # fmt: skip
         if flag not in (1, 2) or not np.isfinite(x).all():
             raise SolverError(f"the QP has no solution (daqp exit flag {flag})")
-        return np.minimum(np.maximum(np.asarray(x, float) / scale, lower), upper)
+        return np.asarray(np.minimum(np.maximum(np.asarray(x, float) / scale, lower), upper))
 
 
 def by_active_sets(

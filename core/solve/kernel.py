@@ -112,7 +112,7 @@ def work_space(columns: int) -> Work:
     """Work space for problems of that many columns."""
     c = columns
     shapes: list[tuple[int, ...]] = [(c, 3, 3), (c, 3), (c, 3), (c, 6), (c, c), (c, c), (c,), (c,), (c,), (c,), (c,)]
-    return Work(*(np.zeros(shape) for shape in shapes), np.zeros(c, np.int64))
+    return Work._make([*(np.zeros(shape) for shape in shapes), np.zeros(c, np.int64)])
 
 
 @_jit

@@ -173,7 +173,7 @@ class FrameSolver:
 
     def _guess(self, path: Path, k: int, direction: int, lower: Array, upper: Array) -> Array:
         """The motion of the two frames before continued; the frame before where that breaks a coupled row or only one is solved."""
-        before = path.q[k - direction]
+        before: Array = path.q[k - direction]
         if not (0 <= k - 2 * direction < len(path.q) and path.cost[k - 2 * direction] < np.inf):
             return before
         change = self._pin.difference(self._model, path.q[k - 2 * direction], before)

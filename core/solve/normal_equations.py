@@ -241,7 +241,7 @@ def rotation_vector(rotation: Array) -> Array:
     sine, cosine = float(np.linalg.norm(sine_axis)), 0.5 * (float(np.trace(rotation)) - 1.0)
     angle = float(np.arctan2(sine, cosine))
     if cosine > -0.9:
-        return sine_axis * (angle / sine if sine > 0 else 1.0)
+        return np.asarray(sine_axis * (angle / sine if sine > 0 else 1.0))
     # Near a half turn the axis comes from the symmetric part cos θ I + (1 - cos θ) axis axisᵀ, its sign from the antisymmetric one.
     outer = 0.5 * (rotation + rotation.T) - cosine * np.eye(3)
     column = outer[:, int(np.argmax(np.diag(outer)))]
