@@ -10,8 +10,8 @@ from retarget.core import rotations
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array
 
-CHUNK = 4096
-"""Frames computed together: the working set stays in the processor's cache."""
+CHUNK = 512
+"""Frames computed together: a joint's numbers stay in the processor's nearest cache."""
 
 
 def link_poses(
@@ -25,14 +25,25 @@ def link_poses(
 
     joints: (T, n) rad. base_orientation: (T, 4) wxyz, upright when None. base_position: (T, 3) m, the origin when None.
     """
-    frames = len(joints)
+    frames, floating = len(joints), model.base_is_floating
     rotation, origin = np.empty((frames, len(links), 3, 3)), np.empty((frames, len(links), 3))
-    chain = _Chain(model)
+    tree = axis_frames(model)
+    base = rotations.to_matrix(model.base_rotation[None] if base_orientation is None else base_orientation)
+    position = np.zeros((1, 3)) if base_position is None else base_position
+    placements = []
+    for link in links:
+        joint, turn, offset = model.link_in_joint(link)
+        back = tree[joint].axes.T if joint in tree else np.eye(3)
+        placements.append((joint, back @ turn, back @ offset))
     for start in range(0, frames, CHUNK):
         part = slice(start, min(start + CHUNK, frames))
-        turn = model.base_rotation[None] if base_orientation is None else base_orientation[part]
-        shift = np.zeros((1, 3)) if base_position is None else base_position[part]
-        rotation[part], origin[part] = chain.poses(links, joints[part], rotations.to_matrix(turn), shift)
+        # Time runs along the last axis: a product with a constant is one matrix product for all frames.
+        turn_of_base = base[part if len(base) > 1 else slice(None)] if floating else np.eye(3)[None]
+        shift_of_base = position[part if len(position) > 1 else slice(None)] if floating else np.zeros((1, 3))
+        world = _axis_frame_poses(tree, joints[part].T, turn_of_base.transpose(1, 2, 0), shift_of_base.T)
+        for i, (joint, turn, offset) in enumerate(placements):
+            rotation[part, i] = np.matmul(turn.T, world[joint][0]).transpose(2, 0, 1)
+            origin[part, i] = (world[joint][1] + np.matmul(offset, world[joint][0])).T
     return rotation, origin
 
 
@@ -67,51 +78,74 @@ class Poses:
         return self.rotation[:, i], self.origin[:, i]
 
 
-class _Chain:
-    """The model's constants: for every joint, its placement times I, sin and cos parts of its rotation."""
+@dataclass(frozen=True, eq=False)
+class AxisFrame:
+    """A joint's frame turned so that its z is the joint's axis: every joint then turns about, or slides along, z.
 
-    def __init__(self, model: RobotModel) -> None:
-        import pinocchio as pin
+    axes (3, 3): joint's own frame ← axis frame. rotation (3, 3) and translation (3,) m: of the axis frame, the joint at zero, in that of
+    the joint before (`parent`). column: the joint's value among all. sliding: along z instead of about it.
+    """
 
-        self.model, pin_model = model, model.pin_model
-        data = pin_model.createData()
-        pin.computeJointJacobians(pin_model, data, pin.neutral(pin_model))
-        self.joints = []
-        for i in range(1, pin_model.njoints):
-            joint = pin_model.joints[i]
-            if joint.nv != 1:
-                continue
-            axis_world = data.J[:, joint.idx_v]
-            local = np.array(data.oMi[i].rotation).T
-            turn, slide = local @ axis_world[3:], local @ axis_world[:3]
-            slides = bool(np.linalg.norm(axis_world[3:]) < 0.5)
-            self.joints.append(
-                (i, int(pin_model.parents[i]), pin_model.jointPlacements[i], turn, slide if slides else None)
-            )
+    parent: int
+    column: int
+    axes: Array
+    rotation: Array
+    translation: Array
+    sliding: bool
 
-    def poses(self, links: Sequence[str], joints: Array, base: Array, shift: Array) -> tuple[Array, Array]:
-        frames = len(joints)
-        first = 1 if self.model.base_is_floating else 0
-        world = {0: (np.broadcast_to(np.eye(3), (frames, 3, 3)), np.zeros((frames, 3)))}
-        if first:
-            world[1] = (np.broadcast_to(base, (frames, 3, 3)), np.broadcast_to(shift, (frames, 3)))
-        for column, (i, parent, placement, axis, slide) in enumerate(self.joints):
-            rotation, origin = world[parent]
-            at = origin + rotation @ placement.translation
-            fixed = np.array(placement.rotation)
-            if slide is not None:
-                turned = rotation @ fixed
-                world[i] = (turned, at + joints[:, column, None] * (turned @ slide))
-                continue
-            along = np.outer(axis, axis)
-            cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-            angle = joints[:, column, None, None]
-            own = fixed @ along + np.cos(angle) * (fixed @ (np.eye(3) - along)) + np.sin(angle) * (fixed @ cross)
-            world[i] = (rotation @ own, at)
-        out_rotation, out_origin = np.empty((frames, len(links), 3, 3)), np.empty((frames, len(links), 3))
-        for k, link in enumerate(links):
-            joint, turn, offset = self.model.link_in_joint(link)
-            rotation, origin = world[joint]
-            out_rotation[:, k] = rotation @ turn
-            out_origin[:, k] = origin + rotation @ offset
-        return out_rotation, out_origin
+
+def axis_frames(model: RobotModel) -> dict[int, AxisFrame]:
+    """pinocchio joint → axis frame of every joint with one degree of freedom, from the base outward."""
+    import pinocchio as pin
+
+    pin_model, first = model.pin_model, model.pin_model.nv - len(model.joint_names)
+    data = pin_model.createData()
+    pin.computeJointJacobians(pin_model, data, pin.neutral(pin_model))
+    frames: dict[int, AxisFrame] = {}
+    for i in range(1, pin_model.njoints):
+        if pin_model.joints[i].nv != 1:
+            continue
+        slide, turn = np.split(data.J[:, pin_model.joints[i].idx_v], 2)
+        sliding = bool(np.linalg.norm(turn) < 0.5)
+        axes = _with_z(np.array(data.oMi[i].rotation).T @ (slide if sliding else turn))
+        parent, placement = int(pin_model.parents[i]), pin_model.jointPlacements[i]
+        back = frames[parent].axes.T if parent in frames else np.eye(3)
+        frames[i] = AxisFrame(
+            parent=parent,
+            column=pin_model.joints[i].idx_v - first,
+            axes=axes,
+            rotation=back @ np.array(placement.rotation) @ axes,
+            translation=back @ np.array(placement.translation),
+            sliding=sliding,
+        )
+    return frames
+
+
+def _with_z(axis: Array) -> Array:
+    """A rotation (3, 3) whose third column is `axis` (3,) made unit."""
+    z = axis / np.linalg.norm(axis)
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _axis_frame_poses(
+    tree: dict[int, AxisFrame], joints: Array, base: Array, shift: Array
+) -> dict[int, tuple[Array, Array]]:
+    """pinocchio joint → world rotation (3, 3, T) and origin (3, T) of its axis frame; 0 and 1 also the base's. joints: (n, T)."""
+    count = joints.shape[1]
+    still = (np.broadcast_to(base, (3, 3, count)), np.broadcast_to(shift, (3, count)))
+    world = {0: still, 1: still}
+    cosine, sine = np.cos(joints), np.sin(joints)
+    for i, frame in tree.items():
+        before, origin = world[frame.parent]
+        turned = np.matmul(frame.rotation.T, before)  # (3, 3, T): the frame's axes at zero
+        at = origin + np.matmul(frame.translation, before)
+        if frame.sliding:
+            at += joints[frame.column] * turned[:, 2]
+        else:
+            x, y, c, s = turned[:, 0].copy(), turned[:, 1], cosine[frame.column], sine[frame.column]
+            turned[:, 0] = c * x + s * y
+            turned[:, 1] = c * y - s * x
+        world[i] = turned, at
+    return world

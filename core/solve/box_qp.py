@@ -27,11 +27,13 @@ MOST_SETS = 25
 class BoxQp:
     """Solver of one size, with its work space. `fallbacks` counts the problems that daqp had to solve. Not thread-safe.
 
+    warm: start from the last answer instead of zero, for problems that change little from one to the next; the answers are the same.
     scale: `mju_boxQP` is given x, g and the bounds times this, so that it stops at a free gradient of `STOP` / scale.
     """
 
-    def __init__(self, size: int, scale: float = 1.0) -> None:
-        self._scale = scale
+    def __init__(self, size: int, scale: float = 1.0, *, warm: bool = False) -> None:
+        self._scale, self._warm = scale, warm
+        self._accepted = (2.0 * STOP / scale + 1e-12) ** 2
         self._factor = np.zeros((size, size + 7))
         self._index = np.zeros(size, np.int32)
         self._x, self._slope, self._step = np.zeros(size), np.zeros(size), np.zeros(size)
@@ -61,8 +63,7 @@ class BoxQp:
             step -= x
         else:
             step = slope
-        accepted = 2.0 * STOP / self._scale + 1e-12
-        if step.dot(step) <= accepted * accepted * (1.0 + gradient.dot(gradient)):
+        if step.dot(step) <= self._accepted * (1.0 + gradient.dot(gradient)):
             return x
         return self._by_daqp(hessian, gradient, lower, upper, self._no_rows, self._none, self._none)
 
@@ -102,13 +103,16 @@ class BoxQp:
         """Solve into `_x`; the number of free variables, negative when H isn't positive definite on them."""
         x, scale = self._x, self._scale
         if scale != 1.0:
+            if self._warm:
+                x *= scale
             g, low, high = self._scaled
             np.multiply(gradient, scale, g)
             np.multiply(lower, scale, low)
             np.multiply(upper, scale, high)
         else:
             g, low, high = gradient, lower, upper
-        x.fill(0.0)
+        if not self._warm:
+            x.fill(0.0)
         try:
             free = mujoco.mju_boxQP(x, self._factor, self._index, hessian, g, low, high)
         except mujoco.FatalError:

@@ -7,6 +7,8 @@ decisions between starts and basins, are the NumPy solver's.
 from __future__ import annotations
 
 import numpy as np
+from retarget.core import rotations
+from retarget.core.kinematics import axis_frames
 from retarget.core.solve import kernel
 from retarget.core.solve.newton import FrameSolver, NewtonOptions, Path
 from retarget.core.solve.problem import OrientationProblem
@@ -59,39 +61,26 @@ class CompiledSolver(FrameSolver):
 
 
 def _tree(problem: OrientationProblem) -> tuple[kernel.Tree, dict[int, Array]]:
-    """The kernel's tree, and per pinocchio joint the rotation from its frame to the kernel's, whose z is the joint's axis."""
-    import pinocchio as pin
-
-    model, base = problem.model.pin_model, problem.base_columns
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    first = problem.columns - model.nv
-    columns = problem.columns
+    """The kernel's tree, and per pinocchio joint the rotation from its own frame to the kernel's, whose z is the joint's axis."""
+    base, columns = problem.base_columns, problem.columns
+    frames = axis_frames(problem.model)
     parent, sliding, fixed = np.full(columns, -1), np.zeros(columns, bool), np.tile(np.eye(3), (columns, 1, 1))
     parent[:base] = np.arange(base) - 1
-    column_of, turns, root = {0: base - 1 if base else -1}, {0: np.eye(3)}, np.eye(3)
-    for joint in range(1, model.njoints):
-        before = int(model.parents[joint])
-        if model.joints[joint].nv != 1:  # the free base
-            column_of[joint], turns[joint] = base - 1 if base else -1, np.eye(3)
-            if not base:
-                root = pin.Quaternion(problem.model.configuration(problem.reference)[3:7]).toRotationMatrix()
-            continue
-        column = first + model.joints[joint].idx_v
-        axis = np.array(data.oMi[joint].rotation).T @ data.J[3:, model.joints[joint].idx_v]
-        sliding[column] = np.linalg.norm(axis) < 0.5
-        turns[joint] = np.eye(3) if sliding[column] else _frame_with_z(axis)
-        parent[column] = column_of[before]
-        fixed[column] = turns[before].T @ np.array(model.jointPlacements[joint].rotation) @ turns[joint]
-        column_of[joint] = column
-    return kernel.Tree(parent, base, fixed, np.ascontiguousarray(root), sliding), turns
+    for frame in frames.values():
+        column = base + frame.column
+        before = frames.get(frame.parent)
+        parent[column] = base - 1 if before is None else base + before.column
+        fixed[column], sliding[column] = frame.rotation, frame.sliding
+    still = problem.model.base_is_floating and not base
+    root = rotations.to_matrix(problem.model.base_rotation) if still else np.eye(3)
+    return kernel.Tree(parent, base, fixed, root, sliding), {i: frame.axes for i, frame in frames.items()}
 
 
 def _tasks(problem: OrientationProblem, turns: dict[int, Array]) -> kernel.Tasks:
     moved = [np.flatnonzero(row) for row in problem.moves]
     return kernel.Tasks(
         column=np.array([columns[-1] if len(columns) else -1 for columns in moved]),
-        from_link=np.ascontiguousarray([turns[int(joint)].T for joint in problem.joint_ids]),
+        from_link=np.array([turns.get(int(joint), np.eye(3)).T for joint in problem.joint_ids]),
         bone=problem.bone,
         desired=problem.desired,
         desired_bone=problem.desired_bone,
@@ -107,11 +96,3 @@ def _limits(problem: OrientationProblem, options: NewtonOptions) -> kernel.Limit
         np.array(problem.lower), np.array(problem.upper), np.array(problem.velocity),
         np.ascontiguousarray(rows), rows_lower + TOUCH_RAD, rows_upper - TOUCH_RAD, options.max_step_rad,
     )  # fmt: skip
-
-
-def _frame_with_z(axis: Array) -> Array:
-    """A rotation (3, 3) whose third column is `axis` (3,)."""
-    z = axis / np.linalg.norm(axis)
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
-    x /= np.linalg.norm(x)
-    return np.ascontiguousarray(np.stack([x, np.cross(z, x), z], axis=1))

@@ -77,7 +77,7 @@ class NormalEquations:
         self._axes, self._axes_again = self._axes_twice[:3], self._axes_twice[3:]
         self._jacobian_memory.take(self._axes_index, None, self._axes_twice, "clip")
         self._pulls, self._product = np.empty((3, columns)), np.empty((3, columns))
-        self._ones, self._minus_ones = np.ones(3), -np.ones(3)
+        self._ones, self._four_ones, self._minus_ones = np.ones(3), np.ones(4), -np.ones(3)
         self._rotation = np.empty((parts, 10))
         self._rotation_column = self._rotation[:, :, None]
         self._rotation_3x3 = _as_3x3(self._rotation[:links])
@@ -87,7 +87,10 @@ class NormalEquations:
         self._linear_out = self._linear.T[:, :, None]
         self._bone_now = np.empty((3, links))
         self._bone_out = self._bone_now.T[:, :, None]
-        self._errors, self._squares = np.empty((3, parts)), np.empty((3, parts))
+        self._errors = np.empty((3, parts))
+        # A fourth square of next to nothing: no length is zero, no angle divided by it NaN.
+        self._squares = np.full((4, parts), _TINY)
+        self._own_squares = self._squares[:3]
         self._length, self._angle, self._ratio = (np.empty(parts) for _ in range(3))
         self._chunk, self._measures = -1, np.empty(0)
         self._diagonal, self._sliding = diagonal, np.flatnonzero(~self._axes_twice.any(axis=0))
@@ -146,10 +149,9 @@ class NormalEquations:
         if self._has_twist:
             np.matmul(self._rotation_3x3, self._bone, self._bone_out)
         cosine, length, angle, ratio = self._cosine, self._length, self._angle, self._ratio
-        np.multiply(self._sine, self._sine, self._squares)
-        np.sqrt(self._ones.dot(self._squares, length), length)
+        np.multiply(self._sine, self._sine, self._own_squares)
+        np.sqrt(self._four_ones.dot(self._squares, length), length)
         np.arctan2(length, cosine, angle)
-        np.maximum(length, _TINY, length)
         np.divide(angle, length, ratio)
         np.multiply(self._sine, ratio, self._errors)
         if (

@@ -37,7 +37,7 @@ class OnlineSolver:
         import pinocchio as pin
 
         self.problem, self.options = problem, options
-        self.qp = BoxQp(problem.columns)
+        self.qp = BoxQp(problem.columns, warm=True)
         self._coupled = None if problem.coupled is None else CoupledRows(problem.base_columns, *problem.coupled)
         self._bounds = DampedVelocityBounds(problem.base_columns, problem.lower, problem.upper, problem.velocity)
         self._integrate, self._model = pin.integrate, problem.model.pin_model
