@@ -9,6 +9,8 @@ as the composite-rigid-body algorithm makes a mass matrix (½ b_j × a_j only be
 fills in nothing [Featherstone 2005, Efficient factorization of the joint-space inertia matrix for branched kinematic trees]. The box QP
 is solved by the primal-dual active set method; its answer satisfies the optimality conditions.
 
+All in one file: numba's cache notices changes only in the file of the function that was called from outside.
+
 Nothing out of the ordinary is handled here (no descent, an indefinite Hessian, an active set that cycles, a coupled row touched, a half
 turn): the kernel stops before that frame.
 """
