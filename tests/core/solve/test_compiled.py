@@ -15,6 +15,7 @@ from retarget.core.solve import dynamical
 from retarget.core.solve.dynamical import DynamicalOptions, solve
 from retarget.core.solve.newton import Converged, FrameSolver, NewtonOptions, Path
 from retarget.core.solve.problem import orientation_problem
+from retarget.core.solve.starts import best_start
 from retarget.core.types import FRAME_MARKED, Array, HumanMotion, Targets, Task
 
 pytest.importorskip("numba", reason="numba (the extra [fast]) is not installed")
@@ -36,6 +37,15 @@ def assert_same(one: dynamical.Solution, other: dynamical.Solution) -> None:
     assert (other.start, other.exchanged, other.unconverged) == (one.start, one.exchanged, one.unconverged)
 
 
+def followed(solver: FrameSolver) -> Path:
+    """The whole clip, from what the reference posture leads to at the first frame."""
+    problem = solver.problem
+    path = Path.empty(len(problem.time), problem.model.pin_model.nq)
+    path.put(0, best_start(solver, 0, [problem.reference])[1])
+    solver.follow(path, 0, len(path.q) - 1)
+    return path
+
+
 @pytest.mark.parametrize("mapped_by", ["limb_plane", "link_orientation"])
 @pytest.mark.parametrize("robot", robots.names())
 @pytest.mark.parametrize("sample", ["walk", "reach", "squat", "yaw_180"])
@@ -43,7 +53,21 @@ def test_samples_on_robots(sample: str, robot: str, mapped_by: str, model: Model
     chosen = model(robot)
     targets = mapping.load(mapped_by).targets(motion(sample), chosen)
     problem = orientation_problem(targets, chosen, free_base=chosen.base_is_floating)
-    assert_same(solve(problem, NUMPY), solve(problem, COMPILED))
+    options = NewtonOptions(posture_weight=chosen.profile.posture_weight)
+    by_numpy, compiled = (followed(kind(problem, options)) for kind in (FrameSolver, CompiledSolver))
+    np.testing.assert_allclose(compiled.q, by_numpy.q, atol=1e-9)
+    np.testing.assert_allclose(compiled.cost, by_numpy.cost, atol=1e-10)
+    np.testing.assert_array_equal(compiled.status, by_numpy.status)
+
+
+def test_a_clip_that_leaves_a_basin(model: Models, motion: Motions) -> None:
+    """Everything that `solve` does, the exchange of a worse stretch included."""
+    icub = model("icub")
+    targets = mapping.load("limb_plane").targets(motion("reach"), icub)
+    problem = orientation_problem(targets, icub, free_base=True)
+    by_numpy = solve(problem, NUMPY)
+    assert by_numpy.exchanged
+    assert_same(by_numpy, solve(problem, COMPILED))
 
 
 @pytest.mark.parametrize("free_base", [True, False])
@@ -75,20 +99,12 @@ def test_a_sliding_joint(sliding_arm: RobotModel) -> None:
     assert_same(solve(problem, NUMPY), solve(problem, COMPILED))
 
 
-def followed(solver: FrameSolver, last: int) -> Path:
-    problem = solver.problem
-    path = Path.empty(len(problem.time), problem.model.pin_model.nq)
-    path.put(0, solver.converge(0, problem.model.configuration(problem.reference), problem.lower, problem.upper))
-    solver.follow(path, 0, last)
-    return path
-
-
 def test_frames_are_handed_over_and_the_kernel_goes_on(model: Models, motion: Motions) -> None:
     """iCub's cables bind in part of the reach: those frames, and not many others, are the NumPy solver's."""
     icub = model("icub")
     targets = mapping.load("limb_plane").targets(motion("reach"), icub)
     solver = CompiledSolver(orientation_problem(targets, icub, free_base=True), NewtonOptions())
-    path = followed(solver, len(targets.time) - 1)
+    path = followed(solver)
     assert solver.problem.coupled is not None
     matrix, lower, upper = solver.problem.coupled
     value = path.q[:, -32:] @ matrix.T
@@ -119,7 +135,7 @@ def test_a_frame_that_fails_holds_and_is_marked(
 
     monkeypatch.setattr(kernel, "follow", stopping)
     monkeypatch.setattr(FrameSolver, "converge", failing)
-    path = followed(CompiledSolver(problem, NewtonOptions()), 11)
+    path = followed(CompiledSolver(problem, NewtonOptions()))
     assert np.flatnonzero(path.status == FRAME_MARKED).tolist() == [6]
     np.testing.assert_array_equal(path.q[6], path.q[5])
     assert (path.q[7] != path.q[6]).any()
