@@ -94,6 +94,77 @@ class MappingParameters:
 
 
 @dataclass(frozen=True)
+class Arm:
+    """What a hand mapping needs of one arm.
+
+    shoulder_link, shoulder_m: the shoulder's centre, (3,) m in the frame of a link that the arm doesn't move.
+    hand_link, hand_m: the hand point, (3,) m in the hand link's frame. length_m: from shoulder to hand point, arm stretched; None = measured by
+    forward kinematics where the arm is straightest in the reference posture.
+    elbow_link: the link whose origin is the elbow, "" = the limb geometry's own joint centre.
+    """
+
+    shoulder_link: str
+    shoulder_m: tuple[float, float, float]
+    hand_link: str
+    hand_m: tuple[float, float, float]
+    length_m: float | None = None
+    elbow_link: str = ""
+
+
+@dataclass(frozen=True)
+class LevelTask:
+    """One task of a priority level [Lim2022 tables II, III]: which segment it follows, and how.
+
+    kind: "orientation", "position" (the arm's hand point), "axis" (where the link's own `axis`, a unit vector, points).
+    link: "" = the link that the profile maps to the segment. gain: 1/s.
+    """
+
+    segment: str
+    kind: Literal["orientation", "position", "axis"]
+    gain: float
+    link: str = ""
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Level:
+    """One priority level, after the limits, which always come first. weight: ρ of [Lim2022 eq. 14] beside ‖q̇‖²_A.
+
+    acceleration_s2: factor on ‖q̈‖², the cost that levels with freedom to spare carry.
+    """
+
+    tasks: tuple[LevelTask, ...]
+    weight: float = 50.0
+    acceleration_s2: float = 0.0
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """A robot's strict priorities [Lim2022 sec. III]; levels in order, empty = derived from what the profile maps.
+
+    joints: the joints that may move, names or patterns with *; empty = all that carry a mapped link. limit_gain: K_q, 1/s.
+    hand_speed_m_s, hand_rate_rad_s: box on hand velocities. inertia_diagonal: added to A's diagonal everywhere; `extra_inertia`: joint → more.
+    """
+
+    levels: tuple[Level, ...] = ()
+    joints: tuple[str, ...] = ()
+    limit_gain: float = 20.0
+    hand_speed_m_s: float = 2.0
+    hand_rate_rad_s: float = 6.0
+    inertia_diagonal: float = 0.02
+    extra_inertia: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TorqueControl:
+    """τ = kp (q_d - q) + kd (q̇_d - q̇) + gravity, clipped [Lim2022 sec. III-C]: joint → Nm/rad, Nms/rad, Nm; absent joints: unknown."""
+
+    stiffness: Mapping[str, float] = field(default_factory=dict)
+    damping: Mapping[str, float] = field(default_factory=dict)
+    torque_limit: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class RobotProfile:
     """One robot, as its TOML describes it.
 
@@ -103,6 +174,7 @@ class RobotProfile:
     links: segment → link name. reference_posture: joint → rad, an approximate T-pose, absent joints at 0 clipped into limits.
     posture_weight: how much every joint is drawn to the reference posture, beside task weights of about 1: it decides what targets leave open,
     and keeps arms that hang along a shoulder axis from spinning. Larger is calmer and less exact.
+    arms: "Left", "Right" → what hand mappings need. hierarchy: strict priorities. torque: gains and limits for replay.
     limb_ends: limb segment → link whose origin ends the limb where no mapped link follows it.
     default_velocity_limit: rad/s, caps every joint's speed and stands in where the URDF states none. joint_limits: joint, or pattern with *,
     → overrides, which win over the cap; of several that match a joint each adds to those before. locked_joints: may be patterns, too.
@@ -127,3 +199,6 @@ class RobotProfile:
     feet: Mapping[str, Foot] = field(default_factory=dict)
     tpose_exceptions: Mapping[str, TposeException] = field(default_factory=dict)
     mappings: Mapping[str, MappingParameters] = field(default_factory=dict)
+    arms: Mapping[str, Arm] = field(default_factory=dict)
+    hierarchy: Hierarchy = field(default_factory=Hierarchy)
+    torque: TorqueControl = field(default_factory=TorqueControl)

@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from retarget.core.calibration import Calibration
 from retarget.core.errors import InvalidDataError as InvalidDataError  # what making these types raises
 from retarget.core.errors import nearest
 from retarget.core.field_checks import (
@@ -65,6 +66,7 @@ class HumanMotion:
     foot_contacts: (T, 4) bool, columns `core.segments.FOOT_CONTACTS`, or None.
     measured: (S,) bool; segments that were not measured must not be retargeted.
     joint_offsets: segment → (3,) m, its proximal joint in the parent segment's frame, or empty when unknown.
+    calibration: the person's shoulders, arm lengths and calibration poses, where they are known; mappings of hand positions need them.
     """
 
     time: Array
@@ -76,6 +78,7 @@ class HumanMotion:
     measured: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
     joint_offsets: Mapping[str, Array] = field(default_factory=dict)
     source: Source = field(default_factory=lambda: Source("memory"))
+    calibration: Calibration | None = None
 
     def __post_init__(self) -> None:
         set_ = FieldSetter(self)
@@ -134,6 +137,64 @@ class HumanMotion:
 
 
 @dataclass(frozen=True, eq=False)
+class TrackerRecording:
+    """Poses of devices strapped to a person, as a tracking system logged them: not yet anyone's segments.
+
+    time: (T,) s, strictly increasing. trackers: D names, serials or roles, each once.
+    orientation: (T, D, 4) world ← tracker, unit wxyz, continuous in sign. position: (T, D, 3) m, world.
+    tracked: (T, D) bool; False where a value was not measured but interpolated or held, and is not to be relied on.
+    segments: tracker → canonical segment, as far as the file's own role names or a table tell.
+    """
+
+    time: Array
+    trackers: tuple[str, ...]
+    orientation: Array
+    position: Array
+    tracked: BoolArray
+    segments: Mapping[str, str] = field(default_factory=dict)
+    source: Source = field(default_factory=lambda: Source("memory"))
+
+    def __post_init__(self) -> None:
+        set_ = FieldSetter(self)
+        names = tuple(self.trackers)
+        set_.value("trackers", names)
+        if len(set(names)) != len(names) or not names:
+            raise InvalidDataError(f"TrackerRecording.trackers: found {names}, expected at least one name, each once")
+        time = set_.array("time", ("T",))
+        set_.array("orientation", (len(time), len(names), 4))
+        set_.array("position", (len(time), len(names), 3))
+        set_.array("tracked", (len(time), len(names)), dtype=np.bool_)
+        check_time("TrackerRecording.time", time)
+        check_unit_quaternions("TrackerRecording.orientation", self.orientation)
+        check_segment_names("TrackerRecording.segments", self.segments.values())
+        if unknown := sorted(set(self.segments) - set(names)):
+            raise InvalidDataError(
+                f"TrackerRecording.segments: found tracker '{unknown[0]}', expected one of {', '.join(names)}"
+            )
+        if len(set(self.segments.values())) != len(self.segments):
+            raise InvalidDataError(
+                f"TrackerRecording.segments: found {dict(self.segments)}, expected each segment once"
+            )
+        set_.value("segments", MappingProxyType(dict(self.segments)))
+
+    @property
+    def frames(self) -> int:
+        """Number of frames, T."""
+        return len(self.time)
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean frame rate; the recording's own where there is a single frame."""
+        return _rate(self.time) or self.source.rate_hz
+
+    def index(self, tracker: str) -> int:
+        """Column of `tracker`; raises `InvalidDataError` when the recording lacks it."""
+        if tracker not in self.trackers:
+            raise InvalidDataError(f"the recording has no tracker '{tracker}'; it has {', '.join(self.trackers)}")
+        return self.trackers.index(tracker)
+
+
+@dataclass(frozen=True, eq=False)
 class Task:
     """One desired quantity of one robot frame over time.
 
@@ -141,6 +202,7 @@ class Task:
     kind "position": value (T, 3) m, world, of the point `offset` (3,) m given in the frame; feed_forward (T, 3) m/s.
     kind "axis": value (T, 3) unit, world, for the frame's own direction `axis` (3,); feed_forward (T, 3) rad/s, world.
     weight: (T,) ≥ 0, or a scalar for all frames.
+    gain: 1/s at which solvers that command velocities let the error decay; 0 = the solver's own choice.
     twist_weight: factor ≤ 1 on an orientation error's part about the frame's own direction `axis`: 1 = all three axes alike,
     0 = only where `axis` points matters.
     level: priority, 0 first; used by hierarchical solvers only.
@@ -157,6 +219,7 @@ class Task:
     segment: str = ""
     offset: Array = field(default_factory=lambda: np.zeros(3))
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    gain: float = 0.0
 
     def __post_init__(self) -> None:
         set_ = FieldSetter(self)
@@ -176,6 +239,8 @@ class Task:
             raise InvalidDataError(f"Task.twist_weight of {self.frame}: found {self.twist_weight:g}, expected 0 to 1")
         if self.level < 0:
             raise InvalidDataError(f"Task.level of {self.frame}: found {self.level}, expected 0 (first) or more")
+        if not 0 <= self.gain < np.inf:
+            raise InvalidDataError(f"Task.gain of {self.frame}: found {self.gain:g}, expected 0 or more, finite")
         check_unit(f"Task.axis of {self.frame}", self.axis, "a unit vector")
         if self.kind == "orientation":
             check_unit_quaternions(f"Task.value of {self.frame}", self.value)

@@ -15,7 +15,7 @@ import pytest
 
 ROOMS = ("cli", "core", "formats", "robots", "samples")
 
-CORE_FOR_FILES = {"errors", "field_checks", "rotations", "segments", "timebase", "types"}
+CORE_FOR_FILES = {"calibration", "errors", "field_checks", "rotations", "segments", "timebase", "types"}
 """What of core a file format may know: types and time, no robot and no solver."""
 
 MAY_IMPORT: dict[str, dict[str, set[str] | None]] = {

@@ -12,21 +12,27 @@ from importlib import import_module
 from importlib.metadata import entry_points
 
 from retarget.core.errors import UnknownNameError, UsageError
-from retarget.core.robot_model import RobotModel
-from retarget.core.types import HumanMotion, Targets
+from retarget.core.types import Targets
 
 GROUP = "retarget.mappings"
-SHARED = frozenset({"heading", "link_rotations", "limb_twist"})
+SHARED = frozenset(
+    {"heading", "link_rotations", "limb_twist", "arm_frames", "relative_orientation", "telemanipulation"}
+)
 """Modules of this folder that serve the mappings and are none themselves."""
 
 
 @dataclass(frozen=True)
 class Mapping:
-    """A name, one line of description with its source, and the function (motion, robot) → targets."""
+    """A name, one line of description with its source, and the function (motion, robot, **settings) → targets.
+
+    settings: names of the keyword arguments that `targets` takes beside the two. needs_calibration: whether `motion.calibration` must be there.
+    """
 
     name: str
     description: str
-    targets: Callable[[HumanMotion, RobotModel], Targets]
+    targets: Callable[..., Targets]
+    settings: frozenset[str] = frozenset()
+    needs_calibration: bool = False
 
 
 def names() -> list[str]:
