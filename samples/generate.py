@@ -107,6 +107,12 @@ def write_all(folder: Path) -> list[Path]:
         path.write_bytes(mvnx_writer.write(recording, sample.version, name, fields))
         truth.write_text(to_json(golden(sample, recording)))
         written += [path, truth]
+    return written + write_trackers(folder)
+
+
+def write_trackers(folder: Path) -> list[Path]:
+    """Writes the tracker logs and their golden JSON into `folder`, which exists; the paths written."""
+    written = []
     for name, make in TRACKER_SAMPLES.items():
         take = make()
         path, truth = folder / f"{name}.csv", folder / f"{name}.json"

@@ -79,7 +79,7 @@ class Calibration:
     def body(self) -> Body:
         """Upright in the Still and the T-pose; in the Forward pose the chest leans back and turns a little."""
         return Body(
-            forward=((2.0, 0.0), (3.8, -0.006), (5.8, -0.006), (7.6, 0.012), (9.6, 0.012), (11.2, 0.0)),
+            forward=((2.0, 0.0), (3.8, -0.006), (5.8, -0.006), (7.6, 0.022), (9.6, 0.022), (11.2, 0.0)),
             sideways=((2.0, 0.0), (3.8, 0.008), (5.8, 0.008), (7.6, -0.004), (9.6, -0.004), (11.2, 0.0)),
             trunk_flexion=((2.0, 0.0), (2.9, 1.0), (3.8, 0.0), (5.8, 0.0), (7.6, -1.5), (9.6, -1.5), (11.2, 0.0)),
             trunk_turn=((5.8, 0.0), (7.6, 1.0), (9.6, 1.0), (11.2, 0.0)),
@@ -137,7 +137,7 @@ class Circles:
         """Sways by millimetres."""
         beats = np.arange(_CIRCLES_START, self.duration - 1.0, 1.7)
         sway = (-1.0) ** np.arange(len(beats))
-        shift = [(0.5, 0.0), *zip(beats.tolist(), (0.004 * sway).tolist(), strict=True), (self.duration, 0.0)]
+        shift = [(0.5, 0.0), *zip(beats.tolist(), (0.004 * sway).tolist(), strict=True), (self.duration - 0.2, 0.0)]
         turn = [(at, 150.0 * size) for at, size in shift]
         return Body(sideways=shift, trunk_turn=turn, head_flexion=((0.5, 0.0), (2.0, 6.0)))
 

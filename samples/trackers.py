@@ -81,9 +81,8 @@ def mounts(seed: int = 0) -> dict[str, Mount]:
     # Python promises the same numbers in every version, NumPy does not; the committed files are compared to the byte.
     random = Random(seed)
     around = {"T8": (0.13, 0.0, 0.06), "Head": (0.10, 0.0, 0.09)}
-    for side, left in LEFT.items():
-        around[f"{side}UpperArm"] = (0.0, 0.19 * left, 0.06)
-        around[f"{side}Hand"] = (0.0, (PALM - 0.064) * left, 0.048)
+    around |= {f"{side}UpperArm": (0.0, 0.19 * left, 0.06) for side, left in LEFT.items()}
+    around |= {f"{side}Hand": (0.0, (PALM - 0.064) * left, 0.048) for side, left in LEFT.items()}
     placed = {}
     for segment, spot in around.items():
         position = np.array(spot)
