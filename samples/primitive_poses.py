@@ -63,15 +63,29 @@ def intended(side: str) -> Array:
     return ARM_LENGTH * np.array([[0.0, 0.0, 1.0], [0.0, LEFT[side], 0.0], [-1.0, 0.0, 0.0]])
 
 
+def candidate_distances(angles_deg: tuple[float, float, float]) -> Array:
+    """(3,) for an arm of length 1: the k of [Lim2022 eq. 1], how far the three candidates for the shoulder are from the circle's centre.
+
+    angles_deg: between Still and T, T and Forward, Forward and Still; the distances belong to the same pairs.
+    """
+    chord2, radius2 = _circle(angles_deg)
+    return np.asarray(np.sqrt(np.maximum(chord2 / 2 - radius2, 0.0)))
+
+
+def _circle(angles_deg: tuple[float, float, float]) -> tuple[Array, float]:
+    """Squares of the triangle's three sides and of its circumradius, for an arm of length 1."""
+    chord2 = 2 - 2 * np.cos(np.radians(angles_deg))
+    x, y, z = chord2
+    # The denominator is (4 · area)², by Heron.
+    return chord2, float(x * y * z / (2 * (x * y + y * z + z * x) - x * x - y * y - z * z))
+
+
 def _balancing(first_deg: float, last_deg: float) -> float:
     """The T-Forward angle for which the mean of eq. 1's three distances is the shoulder's true distance from the circle's centre."""
 
     def excess(angle_deg: float) -> float:
-        chord2 = 2 - 2 * np.cos(np.radians([first_deg, angle_deg, last_deg]))
-        x, y, z = chord2
-        # Circumradius from the squares of the sides; (4 · area)² by Heron.
-        radius2 = x * y * z / (2 * (x * y + y * z + z * x) - x * x - y * y - z * z)
-        return float(np.sqrt(np.maximum(chord2 / 2 - radius2, 0.0)).mean() - np.sqrt(1 - radius2))
+        angles = (first_deg, angle_deg, last_deg)
+        return float(candidate_distances(angles).mean() - np.sqrt(1 - _circle(angles)[1]))
 
     # To first order the cosines cancel.
     cosines = np.cos(np.radians([first_deg, last_deg])).sum()

@@ -46,6 +46,12 @@ class Take:
     heading_rad: float
     origin: Array
 
+    @property
+    def tracker_of(self) -> dict[str, str]:
+        """Segment → name of its tracker in `recording`, also where that does not tell."""
+        named = {segment: name for name, segment in self.recording.segments.items()}
+        return {segment: named.get(segment, mount.serial) for segment, mount in self.mounts.items()}
+
     def position(self, segment: str) -> Array:
         """(T, 3) m, world, of the segment's proximal joint."""
         return np.asarray(self.motion.position[:, self.motion.index(segment)])

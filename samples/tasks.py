@@ -103,8 +103,10 @@ class Calibration:
         return Reach(directions, bend, np.zeros(len(time)))
 
 
-_CALIBRATION_ELBOW: Final = (
-    *((2.0, 0.0), (2.9, 14.0), (3.8, 0.0), (5.8, 0.0), (6.7, 18.0), (7.6, 0.0), (9.6, 0.0), (10.4, 14.0), (11.2, 0.0)),
+_CALIBRATION_ELBOW: Final[Keys] = (
+    *((2.0, 0.0), (2.9, 14.0), (3.8, 0.0)),
+    *((5.8, 0.0), (6.7, 18.0), (7.6, 0.0)),
+    *((9.6, 0.0), (10.4, 14.0), (11.2, 0.0)),
 )
 
 
@@ -113,13 +115,15 @@ class Circles:
     """Both hands draw circles in the frontal plane, mirrored, at constant speed, with closed eyes [Lim2022 sec. IV-A].
 
     The circle is round as it is meant: in the axes of `intended`. The hand draws it in the operator's own, `p = B_h · B_intended⁻¹ · p_meant`,
-    so a mapping B_r · B_h⁻¹ onto right-angled axes makes it round again.
+    so a mapping B_r · B_h⁻¹ onto right-angled axes makes it round again. unsteadiness: m, root mean square per axis, by which the hand wavers
+    beside that, slowly; no mapping can undo it.
     """
 
     operator: Operator = field(default_factory=Operator)
     turns: int = 3
     diameter: float = 0.30
     period: float = 2.2
+    unsteadiness: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -159,11 +163,20 @@ class Circles:
         distorted = self.operator.basis(side) @ np.linalg.inv(intended(side))
         still = _straight(self.operator.directions(side)[0])
         first, drawn = (
-            reach_for(self.meant(side, at) @ distorted.T, np.full(len(at), 0.3)) for at in (np.zeros(1), time)
+            reach_for(self.meant(side, at) @ distorted.T + self._wavering(side, at), np.full(len(at), 0.3))
+            for at in (np.zeros(1), time)
         )
         return _switch(time, _CIRCLES_START, between(still, first, curves.ramp(time, 0.5, 2.0)), drawn)
 
+    def _wavering(self, side: str, time: Array) -> Array:
+        """(T, 3) m, nothing at either end: per axis three sines whose periods have no common multiple within any clip."""
+        start, end = self.windows["circles"]
+        amount = curves.ramp(time, start, start + 1.0) * (1 - curves.ramp(time, end - 1.0, end))
+        phase = 2 * np.pi * time[:, None, None] * _WAVERING_HZ + LEFT[side] * np.arange(9).reshape(3, 3)
+        return np.asarray(self.unsteadiness * amount[:, None] * np.sqrt(2 / 3) * np.sin(phase).sum(axis=-1))
 
+
+_WAVERING_HZ: Final = np.array([[0.23, 0.37, 0.61], [0.19, 0.33, 0.53], [0.27, 0.41, 0.73]])
 _CIRCLES_START: Final = 2.2
 _SPEEDING: Final = 0.4
 

@@ -6,7 +6,7 @@ pose is the last one known). The header can't tell which axis is up; whoever rea
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from retarget.core import rotations
@@ -24,8 +24,8 @@ def to_openvr(position: Array, orientation: Array) -> tuple[Array, Array]:
     return position @ _TO_OPENVR.T, rotations.multiply(rotations.from_matrix(_TO_OPENVR), orientation)
 
 
-def write(recording: TrackerRecording) -> bytes:
-    """The recording as CSV. Quaternions have w ≥ 0, as those made from matrices do: their signs jump where w passes zero."""
+def write(recording: TrackerRecording, *, lost: Literal["held", "empty"] = "held") -> bytes:
+    """The recording as CSV. lost: what stands where a tracker was not tracked, its last pose or nothing; `_valid` is 0 either way. Quaternions have w ≥ 0, as those made from matrices do: their signs jump where w passes zero."""
     position, orientation = to_openvr(recording.position, recording.orientation)
     orientation = np.where(orientation[..., :1] < 0, -orientation, orientation)
     # Adding zero takes the sign from a negative zero.
@@ -34,7 +34,7 @@ def write(recording: TrackerRecording) -> bytes:
     for time, row, tracked in zip(recording.time, poses, recording.tracked, strict=True):
         cells = [f"{time:.6f}"]
         for pose, valid in zip(row, tracked, strict=True):
-            cells += [f"{value:.{DECIMALS}f}" for value in pose]
+            cells += [f"{value:.{DECIMALS}f}" if valid or lost == "held" else "" for value in pose]
             cells.append(str(int(valid)))
         lines.append(",".join(cells))
     return ("\n".join(lines) + "\n").encode()

@@ -5,9 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from retarget.core import rotations
 from retarget.core.calibration import POSES, SIDES
-from retarget.core.types import Array
 from retarget.samples import person
 from retarget.samples.arm_reach import ARM_LENGTH, PALM
 from retarget.samples.golden_json import rounded
@@ -15,6 +13,7 @@ from retarget.samples.primitive_poses import intended
 from retarget.samples.takes import SHOULDER, Take
 from retarget.samples.tasks import Circles
 from retarget.samples.trackers import HAND_OFFSET
+from retarget.samples.true_calibration import true_calibration
 
 
 def golden(take: Take) -> dict[str, Any]:
@@ -23,20 +22,20 @@ def golden(take: Take) -> dict[str, Any]:
     `shoulder_m` and `hand_points_m` are in the operator frame: origin at the pelvis in the Still pose, +X where the person faces, as if
     the chest had not moved since. `basis_m` has columns S - sh, T - sh, F - sh.
     """
-    time, recording, operator = take.motion.time, take.recording, take.task.operator
-    segment_of = _segment_of(take)
-    shoulder = {side: _still_chest(take) + SHOULDER[side] for side in SIDES}
+    recording, operator = take.recording, take.task.operator
+    calibration = true_calibration(take)
+    segment_of = {name: segment for segment, name in take.tracker_of.items()}
     content: dict[str, Any] = {
         "synthetic": "computed, not recorded from a person",
         "format": "tracker csv",
         "up": "y",
         "rate_hz": recording.source.rate_hz,
-        "frames": len(time),
+        "frames": take.motion.frames,
         "trackers": list(recording.trackers),
         "segments": [segment_of[name] for name in recording.trackers],
         "untracked_frames": dict(zip(recording.trackers, (~recording.tracked).sum(axis=0).tolist(), strict=True)),
         "heading_rad": rounded(take.heading_rad),
-        "origin_m": rounded(take.position("Pelvis")[0]),
+        "origin_m": rounded(calibration.origin),
         "windows_s": {name: rounded(window) for name, window in take.task.windows.items()},
         "tracker_rotation": {segment: rounded(mount.tracker_rotation) for segment, mount in take.mounts.items()},
         "tracker_position_m": {segment: rounded(mount.position) for segment, mount in take.mounts.items()},
@@ -47,13 +46,13 @@ def golden(take: Take) -> dict[str, Any]:
             "wrist_to_hand_point": rounded(PALM),
         },
         "arm_length_m": rounded(ARM_LENGTH),
-        "angles_deg": {side: rounded(operator.angles_deg(side)) for side in SIDES},
+        "angles_deg": {side: rounded(arm.angles_deg) for side, arm in calibration.arms.items()},
         "shoulder_in_chest_m": {side: rounded(SHOULDER[side]) for side in SIDES},
-        "shoulder_m": {side: rounded(shoulder[side]) for side in SIDES},
+        "shoulder_m": {side: rounded(arm.shoulder) for side, arm in calibration.arms.items()},
         "hand_points_m": {
-            side: dict(zip(POSES, rounded(shoulder[side] + operator.basis(side).T), strict=True)) for side in SIDES
+            side: dict(zip(POSES, rounded(arm.hand_points), strict=True)) for side, arm in calibration.arms.items()
         },
-        "basis_m": {side: rounded(operator.basis(side)) for side in SIDES},
+        "basis_m": {side: rounded(arm.basis) for side, arm in calibration.arms.items()},
     }
     if isinstance(take.task, Circles):
         content["circles"] = {
@@ -65,17 +64,6 @@ def golden(take: Take) -> dict[str, Any]:
         }
     content["selected"] = [_frame(take, at) for at in _chosen(take)]
     return content
-
-
-def _segment_of(take: Take) -> dict[str, str]:
-    """Tracker → segment, whether or not the recording tells."""
-    return {mount.serial: segment for segment, mount in take.mounts.items()} | dict(take.recording.segments)
-
-
-def _still_chest(take: Take) -> Array:
-    """(3,) m, operator frame: T8's origin in the Still pose, in which every task starts."""
-    offset = take.position("T8")[0] - take.position("Pelvis")[0]
-    return rotations.rotate(rotations.exp(np.array([0.0, 0.0, -take.heading_rad])), offset)
 
 
 def _chosen(take: Take) -> list[int]:
@@ -93,7 +81,7 @@ def _frame(take: Take, at: int) -> dict[str, Any]:
         "orientation": {
             segment: rounded(take.motion.orientation[at, take.motion.index(segment)]) for segment in segments
         },
-        "chest_m": rounded(take.position("T8")[at]),
+        "t8_m": rounded(take.position("T8")[at]),
         "shoulder_m": {side: rounded(take.position(f"{side}UpperArm")[at]) for side in SIDES},
         "elbow_m": {side: rounded(take.position(f"{side}ForeArm")[at]) for side in SIDES},
         "hand_point_m": {side: rounded(take.hand_point[side][at]) for side in SIDES},

@@ -148,6 +148,21 @@ def test_circles_are_drawn_in_full_and_at_constant_speed(side: str) -> None:
     assert end - start == pytest.approx(10 * 2.0 + 0.4)
 
 
+def test_an_unsteady_hand_strays_from_the_circle_by_what_was_asked() -> None:
+    steady = operator_recording(tasks.Circles(turns=10))
+    unsteady = operator_recording(tasks.Circles(turns=10, unsteadiness=0.015))
+    start, end = steady.task.windows["circles"]
+    frames = (steady.motion.time > start + 1) & (steady.motion.time < end - 1)
+    for side in LEFT:
+        strayed = _from_shoulder(unsteady, side) - _from_shoulder(steady, side)
+        assert np.sqrt(np.mean(strayed[frames] ** 2, axis=0)) == pytest.approx(0.015, rel=0.15)
+        assert np.abs(strayed[[0, -1]]).max() < 1e-12
+        assert np.abs(np.corrcoef(strayed[frames].T) - np.eye(3)).max() < 0.4
+    # Left and right stray apart.
+    left, right = (_from_shoulder(unsteady, side) - _from_shoulder(steady, side) for side in LEFT)
+    assert np.abs(left - right).max() > 0.015
+
+
 def test_hands_keep_the_box_between_them() -> None:
     done = take("box")
     apart = done.hand_point["Left"] - done.hand_point["Right"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
@@ -125,7 +126,7 @@ def test_hand_points_and_segments_are_the_true_ones(name: str) -> None:
         chest = content.position("T8")[at] - _wxyz(frame["orientation"]["T8"]).apply(
             expected["tracker_position_m"]["T8"]
         )
-        assert chest == pytest.approx(frame["chest_m"], abs=1e-6)
+        assert chest == pytest.approx(frame["t8_m"], abs=1e-6)
         for side in SIDES:
             shoulder = chest + _wxyz(frame["orientation"]["T8"]).apply(expected["shoulder_in_chest_m"][side])
             assert shoulder == pytest.approx(frame["shoulder_m"][side], abs=1e-6)
@@ -231,6 +232,16 @@ def test_right_hand_moving_right_moves_along_openvr_x() -> None:
     assert abs(rows.column("right_hand_z_m")[end] - rows.column("right_hand_z_m")[start]) < 0.1
     # The floor stays at height zero.
     assert 0.7 < rows.column("right_hand_y_m").min() < rows.column("right_hand_y_m").max() < 1.6
+
+
+def test_lost_poses_can_be_left_out() -> None:
+    recording = replace(
+        _one_tracker(np.zeros((2, 3)), [1.0, 0, 0, 0]), tracked=np.array([[True], [False]]), position=np.ones((2, 1, 3))
+    )
+    _, first, second = tracker_csv.write(recording, lost="empty").decode().splitlines()
+    assert first.endswith(",1")
+    assert second == "0.011111,,,,,,,,0"
+    assert tracker_csv.write(recording).decode().splitlines()[2].startswith("0.011111,-1.0000000,1.0000000,-1.0000000,")
 
 
 def test_text_of_a_row() -> None:
