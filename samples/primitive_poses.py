@@ -21,11 +21,12 @@ class Operator:
     """Angles in degrees, (left, right). The T-pose is exact: in it every segment from the chest up has its reference orientation.
 
     tpose_forward_deg: None = the angle with which the shoulder of [Lim2022 eq. 1] is the true one. Eq. 1 takes all three angles for right
-    ones and shifts the shoulder for others, except where they cancel; here they do, so there is one truth to compare with.
+    ones and shifts the shoulder for others, except where they cancel; here they do, so there is one truth to compare with. Both
+    arms are alike by default: unless their misses are mirror images, the hands do not tell quite where the operator faces.
     """
 
-    still_tpose_deg: tuple[float, float] = (92.5, 86.0)
-    forward_still_deg: tuple[float, float] = (86.5, 89.3)
+    still_tpose_deg: tuple[float, float] = (86.0, 86.0)
+    forward_still_deg: tuple[float, float] = (91.0, 91.0)
     tpose_forward_deg: tuple[float, float] | None = None
 
     def angles_deg(self, side: str) -> tuple[float, float, float]:

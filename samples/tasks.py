@@ -68,7 +68,7 @@ class Calibration:
     @property
     def duration(self) -> float:
         """Its length, s."""
-        return 12.0
+        return 11.5
 
     @property
     def windows(self) -> Mapping[str, tuple[float, float]]:
@@ -128,13 +128,13 @@ class Circles:
     @property
     def duration(self) -> float:
         """Its length, s."""
-        return round(self.windows["circles"][1] + 0.3, 9)
+        return round(self.windows["circles"][1] + _SPEEDING + 0.3, 9)
 
     @property
     def windows(self) -> Mapping[str, tuple[float, float]]:
-        """When the circles are drawn, speeding up and slowing down included; all of it is on the circle."""
-        end = _CIRCLES_START + self.turns * self.period + _SPEEDING
-        return {"circles": (_CIRCLES_START, round(end, 9))}
+        """When the circles are drawn at constant speed, `turns` times round; just before and after, too, the hand is on the circle."""
+        start = _CIRCLES_START + _SPEEDING
+        return {"circles": (round(start, 9), round(start + self.turns * self.period, 9))}
 
     @property
     def body(self) -> Body:
@@ -150,16 +150,20 @@ class Circles:
         return np.array([0.45, 0.05 * LEFT[side], -0.10])
 
     def meant(self, side: str, time: Array) -> Array:
-        """(T, 3) m, chest frame, from the shoulder: the hand point as the operator believes it to be, from the bottom outward."""
+        """(T, 3) m, chest frame, from the shoulder: where the operator believes the hand point to be.
+
+        At the circle's bottom when its window starts, from there outward.
+        """
         start, end = self.windows["circles"]
-        way = curves.ramp_integral(time, start, start + _SPEEDING) - curves.ramp_integral(time, end - _SPEEDING, end)
-        angle = 2 * np.pi * way / self.period
+        faster = curves.ramp_integral(time, start - _SPEEDING, start)
+        slower = curves.ramp_integral(time, end, end + _SPEEDING)
+        angle = 2 * np.pi * (faster - slower - _SPEEDING / 2) / self.period
         radius = self.diameter / 2
         path = [0 * angle, LEFT[side] * radius * np.sin(angle), -radius * np.cos(angle)]
         return np.asarray(self.center(side) + np.stack(path, axis=-1))
 
     def arm(self, side: str, time: Array) -> Reach:
-        """From the Still pose to the circle's lowest point, and round."""
+        """From the Still pose onto the circle, and round."""
         distorted = self.operator.basis(side) @ np.linalg.inv(intended(side))
         still = _straight(self.operator.directions(side)[0])
         first, drawn = (

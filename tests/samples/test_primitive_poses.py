@@ -56,6 +56,14 @@ def test_eq_1_finds_the_true_shoulder(side: str) -> None:
     assert all(80 < angle < 103 and abs(angle - 90) > 0.5 for angle in Operator().angles_deg(side))
 
 
+def test_both_arms_miss_alike_unless_told_otherwise() -> None:
+    """So that the hands alone tell where the operator faces."""
+    left, right = (Operator().directions(side) for side in SIDES)
+    assert left * [1, -1, 1] == pytest.approx(right, abs=1e-15)
+    uneven = Operator((92.5, 86.0), (86.5, 89.3))
+    assert np.abs(uneven.directions("Left") * [1, -1, 1] - uneven.directions("Right")).max() > 0.05
+
+
 def test_eq_1_misses_the_shoulder_when_the_angles_do_not_cancel() -> None:
     poses = Operator((84.0, 84.0), (84.0, 84.0), (84.0, 84.0)).basis("Left").T
     assert np.linalg.norm(_shoulders(poses), axis=1).min() > 0.03
