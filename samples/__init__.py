@@ -7,16 +7,21 @@ from pathlib import Path
 from retarget.core.errors import UnknownNameError
 
 _FOLDER = Path(__file__).parent
-_SUFFIX = ".mvnx.gz"
+_SUFFIXES = (".mvnx.gz", ".csv")
 
 
 def sample_names() -> tuple[str, ...]:
     """Names of the samples, sorted."""
-    return tuple(sorted(path.name.removesuffix(_SUFFIX) for path in _FOLDER.glob(f"*{_SUFFIX}")))
+    return tuple(sorted(_paths()))
 
 
 def sample_path(name: str) -> Path:
     """The recording called `name`. Raises `UnknownNameError` with the nearest names when there is none."""
-    if name not in sample_names():
-        raise UnknownNameError("sample", name, sample_names())
-    return _FOLDER / f"{name}{_SUFFIX}"
+    paths = _paths()
+    if name not in paths:
+        raise UnknownNameError("sample", name, paths)
+    return paths[name]
+
+
+def _paths() -> dict[str, Path]:
+    return {path.name.removesuffix(suffix): path for suffix in _SUFFIXES for path in _FOLDER.glob(f"*{suffix}")}
