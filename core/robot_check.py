@@ -233,19 +233,17 @@ def _hand_checks(model: RobotModel) -> list[Check]:
     return checks
 
 
-def arm_points(model: RobotModel, side: str, joints: Array, base: Array | None) -> Array:
-    """(2, 3) m, world: shoulder centre and hand point of [arms.`side`] at joints (n,), base turned by wxyz (4,), its origin at zero."""
+def arm_points(model: RobotModel, side: str, joints: Array) -> Array:
+    """(2, 3) m: shoulder centre and hand point of [arms.`side`] at joints (n,), the base upright at the origin."""
     arm = model.profile.arms[side]
-    turn = None if base is None else base[None]
-    rotation, origin = link_poses(model, [arm.shoulder_link, arm.hand_link], joints[None], turn)
+    rotation, origin = link_poses(model, [arm.shoulder_link, arm.hand_link], joints[None])
     local = np.array([arm.shoulder_m, arm.hand_m])
     return np.asarray(np.einsum("kij,kj->ki", rotation[0], local) + origin[0])
 
 
 def _arm_checks(model: RobotModel) -> list[Check]:
-    """In the reference posture, where the arm is as straight as the profile's author could make it, the base upright."""
-    base = model.base_rotation if model.base_is_floating else None
-    points = {side: arm_points(model, side, model.reference_posture, base) for side in model.profile.arms}
+    """In the reference posture, where the arm is stretched out to the side."""
+    points = {side: arm_points(model, side, model.reference_posture) for side in model.profile.arms}
     checks = []
     for side, (shoulder, hand) in points.items():
         length = float(np.linalg.norm(hand - shoulder))
