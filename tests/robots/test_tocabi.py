@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 from retarget.core.robot_model import RobotModel
 from retarget.robots import tocabi_figures as figures
+from scipy.spatial.transform import Rotation
 
 FACTS = Path(__file__).resolve().parents[3] / "shared" / "facts" / "tocabi.md"
 
@@ -231,3 +232,16 @@ def test_soles_carry_the_robot(tocabi: RobotModel) -> None:
     np.testing.assert_allclose(corners[:, 2], -0.961, atol=1e-9)
     assert (corners[:, :2].min(axis=0) < com[:2]).all()
     assert (com[:2] < corners[:, :2].max(axis=0)).all()
+
+
+def test_upper_arms_start_as_the_authors_do(tocabi: RobotModel) -> None:
+    """Their initial rotations of the upper-arm links, arms hanging, are our T-pose turned down by 90°."""
+    data = tocabi.pin_model.createData()
+    pin.framesForwardKinematics(tocabi.pin_model, data, tocabi.configuration(tocabi.reference_posture))
+    for side, sign, authors in (
+        ("L", -1, [[0, 0, -1], [1, 0, 0], [0, -1, 0]]),
+        ("R", 1, [[0, 0, -1], [-1, 0, 0], [0, 1, 0]]),
+    ):
+        tpose = data.oMf[tocabi.pin_model.getFrameId(f"{side}_Armlink_Link")].rotation
+        lowered = Rotation.from_euler("x", sign * 90, degrees=True).as_matrix() @ tpose
+        np.testing.assert_allclose(lowered, authors, atol=1e-5)
