@@ -1,7 +1,8 @@
 """Does a robot profile fit its model? Every constant tested by forward kinematics in the T-pose that the solver itself finds.
 
 A person in T-pose (every segment upright, facing +X) is retargeted with `limb_plane` and the dynamical solver. There every limb must
-point as the person's, or the profile must say by how much it can't and which joint limit forbids it (`tpose_exceptions`).
+point as the person's, or the profile must say by how much it can't and which joint forbids it (`tpose_exceptions`): by its limit, or because
+the two bones of a limb stand at different angles to their hinge and can never be in line.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ ARM_LENGTH_LIMIT_PERCENT = 5.0
 FASTEST_JOINT_RAD_S = 60.0
 """No humanoid's joint is faster: a higher figure is a placeholder that nobody replaced."""
 AT_LIMIT_RAD = 1e-4
+LIMB_BONES = (("UpperArm", "ForeArm"), ("UpperLeg", "LowerLeg"))
 FRAMES = 3
 
 
@@ -113,7 +115,7 @@ def _tpose_checks(
     model: RobotModel, motion: HumanMotion, targets: Targets, joints: Array, base: Array | None
 ) -> list[Check]:
     errors = tpose_errors(model, motion, targets, joints, base)
-    exceptions, held = _exceptions(model, errors), _held(model, joints)
+    exceptions, held = _exceptions(model, errors), _skewed(model) | _held(model, joints)
     checks = []
     for segment, error in errors.items():
         name = f"T-pose {segment} {'direction' if segment in model.limbs else 'orientation'}"
@@ -185,6 +187,31 @@ def _held(model: RobotModel, joints: Array) -> dict[str, str]:
     return held | {
         name: f"{name} at its limit" for name, left in zip(model.joint_names, room, strict=True) if left < AT_LIMIT_RAD
     }
+
+
+def _skewed(model: RobotModel) -> dict[str, str]:
+    """Hinge → by how much it keeps its two bones out of line at best, where that is more than a limb may be off.
+
+    Whatever the hinge does, its axis stays at the same angle to either bone: their directions differ at least by the difference.
+    """
+    import pinocchio as pin
+
+    data = model.pin_model.createData()
+    q = model.configuration(model.reference_posture)
+    axes = pin.computeJointJacobians(model.pin_model, data, q)[3:]
+    skewed = {}
+    for upper, lower in ((f"{side}{u}", f"{side}{w}") for side in ("Left", "Right") for u, w in LIMB_BONES):
+        if upper not in model.limbs or lower not in model.limbs or model.limbs[upper].hinge is None:
+            continue
+        hinge, _, _ = model.link_in_joint(model.limbs[lower].link)
+        axis = axes[:, model.pin_model.joints[hinge].idx_v]
+        limbs = [model.limbs[upper], model.limbs[lower]]
+        rotation, _ = link_poses(model, [limb.link for limb in limbs], model.reference_posture[None])
+        angles = [float(rotations.vector_angle(rotation[0, i] @ limb.bone, axis)) for i, limb in enumerate(limbs)]
+        if (skew := float(np.degrees(abs(angles[0] - angles[1])))) > LIMB_LIMIT_DEG:
+            name = str(model.pin_model.names[hinge])
+            skewed[name] = f"{name} keeps its bones {skew:.2f}° out of line"
+    return skewed
 
 
 def _foot_checks(model: RobotModel, joints: Array, base: Array | None) -> list[Check]:

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from types import ModuleType
 
-from retarget.robots import tocabi_figures, urdf_writer
+from retarget.robots import atlas_figures, tocabi_figures, urdf_writer
 
-FIGURES: tuple[ModuleType, ...] = (tocabi_figures,)
+FIGURES: tuple[ModuleType, ...] = (atlas_figures, tocabi_figures)
 
 
 def files() -> dict[str, str]:

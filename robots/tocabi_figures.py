@@ -14,10 +14,9 @@ Two things about these figures have to be known:
 
 from __future__ import annotations
 
-from dataclasses import replace
 from fnmatch import fnmatchcase
 
-from retarget.robots.urdf_writer import Box, Cylinder, Drive, Inertia, Joint, Shape, Sphere
+from retarget.robots.urdf_writer import Box, Cylinder, Drive, Inertia, Joint, Shape, Sphere, on_both_sides
 
 NAME = "tocabi"
 COMMENT = "Written by retarget.robots.generate from retarget.robots.tocabi_figures: change these, not this file."
@@ -185,20 +184,9 @@ _LEFT: dict[str, tuple[Shape, ...]] = {
 _HAND = Box((0.04, 0.08, 0.14), (0.0, 0.0, -0.10))
 """Both hand frames have -z toward the fingers and x out of the palm."""
 
-
-def _mirrored(shape: Shape) -> Shape:
-    """The same shape on the right side."""
-    if isinstance(shape, Cylinder):
-        (x0, y0, z0), (x1, y1, z1) = shape.start, shape.end
-        return replace(shape, start=(x0, -y0, z0), end=(x1, -y1, z1))
-    x, y, z = shape.centre
-    return replace(shape, centre=(x, -y, z))
-
-
 SHAPES: dict[str, tuple[Shape, ...]] = {
     **_MIDDLE,
-    **{f"L_{link}": shapes for link, shapes in _LEFT.items()},
-    **{f"R_{link}": tuple(_mirrored(shape) for shape in shapes) for link, shapes in _LEFT.items()},
+    **on_both_sides(_LEFT, "L_", "R_"),
     "L_Wrist2_Link": (_HAND,),
     "R_Wrist2_Link": (_HAND,),
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -72,6 +72,23 @@ class Sphere:
 
 
 Shape = Box | Cylinder | Sphere
+
+
+def on_both_sides(
+    left: Mapping[str, tuple[Shape, ...]], left_prefix: str, right_prefix: str
+) -> dict[str, tuple[Shape, ...]]:
+    """Link → shapes of both sides, from those of the left by link name without its prefix. Frames of left and right must be parallel."""
+    return {f"{left_prefix}{link}": shapes for link, shapes in left.items()} | {
+        f"{right_prefix}{link}": tuple(_mirrored(shape) for shape in shapes) for link, shapes in left.items()
+    }
+
+
+def _mirrored(shape: Shape) -> Shape:
+    if isinstance(shape, Cylinder):
+        (x0, y0, z0), (x1, y1, z1) = shape.start, shape.end
+        return replace(shape, start=(x0, -y0, z0), end=(x1, -y1, z1))
+    x, y, z = shape.centre
+    return replace(shape, centre=(x, -y, z))
 
 
 def urdf(

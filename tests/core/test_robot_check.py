@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -128,6 +129,27 @@ class TestTpose:
             for s, link in G1.links.items()
         }
         assert "UpperArm left of the right one" in failed(report(G1, links=links))
+
+
+class TestSkewedHinges:
+    """Atlas' shoulder axes miss each other by 16 mm, so its upper arm's bone is not square to the elbow's axis; the forearm's is."""
+
+    def test_without_its_exceptions_it_fails_and_says_why(self) -> None:
+        found = failed(report(robots.load("atlas"), tpose_exceptions={}))
+        assert set(found) == {
+            f"T-pose {s}{part} direction" for s in ("Left", "Right") for part in ("UpperArm", "ForeArm")
+        }
+        note = found["T-pose LeftUpperArm direction"].note
+        told = re.search(r"l_arm_elx keeps its bones ([\d.]+)° out of line", note)
+        assert told is not None
+        # 16 mm across 0.361 m along the arm and 9 mm forward, from the shoulder's centre to the elbow's
+        assert float(told[1]) == pytest.approx(np.degrees(np.arctan2(0.016, np.hypot(0.361, 0.0092))), abs=0.02)
+
+    def test_an_exception_that_names_another_joint_fails(self) -> None:
+        atlas = robots.load("atlas")
+        stated = {s: TposeException("l_arm_wry", entry.error_deg) for s, entry in atlas.tpose_exceptions.items()}
+        found = failed(report(atlas, tpose_exceptions=stated))
+        assert "but l_arm_wry is at no limit" in found["T-pose LeftUpperArm direction"].note
 
 
 class TestModel:

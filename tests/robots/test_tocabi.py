@@ -1,9 +1,8 @@
-"""TOCABI against the figures it is made of: figures written here by hand, and the whole table where it is at hand."""
+"""TOCABI against figures written here by hand; `test_own_urdfs` holds it against the whole published table."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,6 @@ import pytest
 from retarget.core.robot_model import RobotModel
 from retarget.robots import tocabi_figures as figures
 from scipy.spatial.transform import Rotation
-
-FACTS = Path(__file__).resolve().parents[3] / "shared" / "facts" / "tocabi.md"
 
 MASSES_KG = {
     "Pelvis_Link": 12.1952, "Waist1_Link": 0.89722, "Waist2_Link": 3.752, "Upperbody_Link": 18.1338, "Neck_Link": 0.248, "Head_Link": 1.417,
@@ -50,22 +47,6 @@ def tocabi(build_robot: Callable[[str], Any]) -> RobotModel:
     return model
 
 
-@pytest.fixture(scope="module")
-def published() -> tuple[list[list[str]], list[list[str]]]:
-    """Rows of the joint table and of the link table."""
-    if not FACTS.is_file():
-        pytest.skip("the table of facts (../shared/facts/tocabi.md) is not on this machine")
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in FACTS.read_text().splitlines() if line]
-    joints = [row for row in rows if len(row) == 12 and row[1] in ("revolute", "fixed")]
-    links = [row for row in rows if len(row) == 5 and row[0].endswith("_Link")]
-    assert (len(joints), len(links)) == (35, 36)
-    return joints, links
-
-
-def numbers(text: str) -> np.ndarray:
-    return np.array(text.split(), float)
-
-
 def at_zero(model: RobotModel) -> Any:
     data = model.pin_model.createData()
     pin.framesForwardKinematics(model.pin_model, data, model.configuration(np.zeros(len(model.joint_names))))
@@ -92,49 +73,6 @@ def test_joints_lie_where_the_offsets_put_them(tocabi: RobotModel) -> None:
         if name.startswith("L_"):
             other = data.oMi[tocabi.pin_model.getJointId("R_" + name.removeprefix("L_"))].translation
             np.testing.assert_allclose(other, np.array(origin) * [1, -1, 1], atol=1e-9)
-
-
-def test_every_joint_is_the_published_one(published: Any) -> None:
-    joints, _ = published
-    ours = {joint.name: joint for joint in figures.JOINTS}
-    assert list(ours) == [row[0] for row in joints]
-    for name, kind, parent, child, xyz, rpy, axis, lower, upper, *_ in joints:
-        joint = ours[name]
-        assert (joint.parent, joint.child) == (parent, child)
-        np.testing.assert_allclose(joint.xyz, numbers(xyz), atol=1e-15)
-        np.testing.assert_allclose(joint.rpy, numbers(rpy), atol=1e-15)
-        if kind == "fixed":
-            assert joint.axis is None
-        else:
-            np.testing.assert_array_equal(joint.axis, numbers(axis))
-            assert (joint.lower, joint.upper) == (float(lower), float(upper))
-
-
-def test_every_link_is_the_published_one(published: Any) -> None:
-    _, links = published
-    assert list(figures.INERTIAS) == [row[0] for row in links]
-    for name, mass, com, rpy, tensor in links:
-        ours = figures.INERTIAS[name]
-        assert ours.mass == float(mass)
-        assert not numbers(rpy).any()
-        np.testing.assert_array_equal(ours.com, numbers(com))
-        np.testing.assert_array_equal(ours.tensor, numbers(tensor))
-
-
-def test_the_model_has_the_published_inertias(published: Any, tocabi: RobotModel) -> None:
-    """Through the text: body after body, in the frame of its joint. Feet and their links are one body."""
-    _, links = published
-    model = tocabi.pin_model
-    for name, mass, com, _, tensor in links:
-        if "AnkleRoll" in name or "Foot" in name:
-            continue
-        frame = model.frames[model.getFrameId(name)]
-        body = model.inertias[frame.parentJoint]
-        ixx, iyy, izz, ixy, ixz, iyz = numbers(tensor)
-        assert body.mass == pytest.approx(float(mass))
-        np.testing.assert_allclose(body.lever, numbers(com), atol=1e-9)
-        expected = [[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]
-        np.testing.assert_allclose(body.inertia, expected, atol=1e-9, err_msg=name)
 
 
 def test_rotors_stand_in_the_inertias() -> None:
