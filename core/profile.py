@@ -71,7 +71,7 @@ class CoupledJoints:
 
 @dataclass(frozen=True)
 class TposeException:
-    """A segment that can't reach the T-pose: the error that is left, in degrees, and the joint limit that forbids more."""
+    """A segment that can't reach the T-pose: the error that is left, in degrees, and the joint that forbids more, by its limit or by its axis."""
 
     joint: str
     error_deg: float

@@ -1,7 +1,8 @@
 """Does a robot profile fit its model? Every constant tested by forward kinematics in the T-pose that the solver itself finds.
 
 A person in T-pose (every segment upright, facing +X) is retargeted with `limb_plane` and the dynamical solver. There every limb must
-point as the person's, or the profile must say by how much it can't and which joint limit forbids it (`tpose_exceptions`).
+point as the person's, or the profile must say by how much it can't and which joint forbids it (`tpose_exceptions`): by its limit, or because
+the two bones of a limb stand at different angles to their hinge and can never be in line.
 """
 
 from __future__ import annotations
@@ -21,9 +22,13 @@ EXCEPTION_MARGIN_DEG = 0.1
 """How near the error must be to what a `tpose_exceptions` entry states."""
 SOLE_LIMIT_MM = 2.0
 SYMMETRY_LIMIT_MM = 1.0
+ARM_MIRROR_LIMIT_MM = 2.0
+ARM_LENGTH_LIMIT_PERCENT = 5.0
+"""How far a typed arm length may be from the distance between the arm's two points in the reference posture."""
 FASTEST_JOINT_RAD_S = 60.0
 """No humanoid's joint is faster: a higher figure is a placeholder that nobody replaced."""
 AT_LIMIT_RAD = 1e-4
+LIMB_BONES = (("UpperArm", "ForeArm"), ("UpperLeg", "LowerLeg"))
 FRAMES = 3
 
 
@@ -39,6 +44,7 @@ def check(model: RobotModel) -> ValidationReport:
     checks += _foot_checks(model, joints, base)
     checks += _symmetry_checks(model, joints, base)
     checks += _hand_checks(model)
+    checks += _arm_checks(model)
     return ValidationReport(model.profile.name, tuple(checks), {"tpose_rad": joints})
 
 
@@ -109,7 +115,7 @@ def _tpose_checks(
     model: RobotModel, motion: HumanMotion, targets: Targets, joints: Array, base: Array | None
 ) -> list[Check]:
     errors = tpose_errors(model, motion, targets, joints, base)
-    exceptions, held = _exceptions(model, errors), _held(model, joints)
+    exceptions, held = _exceptions(model, errors), _skewed(model) | _held(model, joints)
     checks = []
     for segment, error in errors.items():
         name = f"T-pose {segment} {'direction' if segment in model.limbs else 'orientation'}"
@@ -183,6 +189,31 @@ def _held(model: RobotModel, joints: Array) -> dict[str, str]:
     }
 
 
+def _skewed(model: RobotModel) -> dict[str, str]:
+    """Hinge → by how much it keeps its two bones out of line at best, where that is more than a limb may be off.
+
+    Whatever the hinge does, its axis stays at the same angle to either bone: their directions differ at least by the difference.
+    """
+    import pinocchio as pin
+
+    data = model.pin_model.createData()
+    q = model.configuration(model.reference_posture)
+    axes = pin.computeJointJacobians(model.pin_model, data, q)[3:]
+    skewed = {}
+    for upper, lower in ((f"{side}{u}", f"{side}{w}") for side in ("Left", "Right") for u, w in LIMB_BONES):
+        if upper not in model.limbs or lower not in model.limbs or model.limbs[upper].hinge is None:
+            continue
+        hinge, _, _ = model.link_in_joint(model.limbs[lower].link)
+        axis = axes[:, model.pin_model.joints[hinge].idx_v]
+        limbs = [model.limbs[upper], model.limbs[lower]]
+        rotation, _ = link_poses(model, [limb.link for limb in limbs], model.reference_posture[None])
+        angles = [float(rotations.vector_angle(rotation[0, i] @ limb.bone, axis)) for i, limb in enumerate(limbs)]
+        if (skew := float(np.degrees(abs(angles[0] - angles[1])))) > LIMB_LIMIT_DEG:
+            name = str(model.pin_model.names[hinge])
+            skewed[name] = f"{name} keeps its bones {skew:.2f}° out of line"
+    return skewed
+
+
 def _foot_checks(model: RobotModel, joints: Array, base: Array | None) -> list[Check]:
     checks, heights = [], []
     turn = None if base is None else base[None]
@@ -226,6 +257,33 @@ def _hand_checks(model: RobotModel) -> list[Check]:
         fingers, palm = np.array(hand.fingers), np.array(hand.palm)
         off = max(abs(np.linalg.norm(fingers) - 1), abs(np.linalg.norm(palm) - 1), abs(fingers @ palm))
         checks.append(_below(f"{side} hand: fingers and palm not unit and perpendicular", float(off), "", 1e-6))
+    return checks
+
+
+def arm_points(model: RobotModel, side: str, joints: Array) -> Array:
+    """(2, 3) m: shoulder centre and hand point of [arms.`side`] at joints (n,), the base upright at the origin."""
+    arm = model.profile.arms[side]
+    rotation, origin = link_poses(model, [arm.shoulder_link, arm.hand_link], joints[None])
+    local = np.array([arm.shoulder_m, arm.hand_m])
+    return np.asarray(np.einsum("kij,kj->ki", rotation[0], local) + origin[0])
+
+
+def _arm_checks(model: RobotModel) -> list[Check]:
+    """In the reference posture, where the arm is stretched out to the side."""
+    points = {side: arm_points(model, side, model.reference_posture) for side in model.profile.arms}
+    checks = []
+    for side, (shoulder, hand) in points.items():
+        length = float(np.linalg.norm(hand - shoulder))
+        checks.append(_above(f"{side} arm length", length, "m", 0.0, "shoulder to hand point, reference posture"))
+        if (typed := model.profile.arms[side].length_m) is not None:
+            off = 100 * abs(typed / length - 1) if length > 0 else np.inf
+            checks.append(
+                _below(f"{side} arm length off", off, "%", ARM_LENGTH_LIMIT_PERCENT, f"the profile states {typed:g} m")
+            )
+    if len(points) == 2:
+        gaps = 1000 * np.linalg.norm(points["Left"] - points["Right"] * [1.0, -1.0, 1.0], axis=1)
+        for name, gap in zip(("shoulder", "hand point"), gaps, strict=True):
+            checks.append(_below(f"{name} left against right", float(gap), "mm", ARM_MIRROR_LIMIT_MM))
     return checks
 
 

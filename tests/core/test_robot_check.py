@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -11,7 +12,7 @@ import pinocchio as pin
 import pytest
 from retarget import robots
 from retarget.core import robot_model
-from retarget.core.profile import CoupledJoints, Foot, Hand, JointLimit, RobotProfile, TposeException
+from retarget.core.profile import Arm, CoupledJoints, Foot, Hand, JointLimit, RobotProfile, TposeException
 from retarget.core.robot_check import check, tpose
 from retarget.core.types import Check, HumanMotion, ValidationReport
 
@@ -130,6 +131,27 @@ class TestTpose:
         assert "UpperArm left of the right one" in failed(report(G1, links=links))
 
 
+class TestSkewedHinges:
+    """Atlas' shoulder axes miss each other by 16 mm, so its upper arm's bone is not square to the elbow's axis; the forearm's is."""
+
+    def test_without_its_exceptions_it_fails_and_says_why(self) -> None:
+        found = failed(report(robots.load("atlas"), tpose_exceptions={}))
+        assert set(found) == {
+            f"T-pose {s}{part} direction" for s in ("Left", "Right") for part in ("UpperArm", "ForeArm")
+        }
+        note = found["T-pose LeftUpperArm direction"].note
+        told = re.search(r"l_arm_elx keeps its bones ([\d.]+)° out of line", note)
+        assert told is not None
+        # 16 mm across 0.361 m along the arm and 9 mm forward, from the shoulder's centre to the elbow's
+        assert float(told[1]) == pytest.approx(np.degrees(np.arctan2(0.016, np.hypot(0.361, 0.0092))), abs=0.02)
+
+    def test_an_exception_that_names_another_joint_fails(self) -> None:
+        atlas = robots.load("atlas")
+        stated = {s: TposeException("l_arm_wry", entry.error_deg) for s, entry in atlas.tpose_exceptions.items()}
+        found = failed(report(atlas, tpose_exceptions=stated))
+        assert "but l_arm_wry is at no limit" in found["T-pose LeftUpperArm direction"].note
+
+
 class TestModel:
     def test_a_placeholder_speed_fails(self) -> None:
         found = report(G1, joint_limits={"waist_yaw_joint": JointLimit(velocity=100.0)})
@@ -176,6 +198,47 @@ class TestHandsAndFeet:
         """The left wrist's centre taken from the wrong place: the forearm ends at the elbow's own link tip."""
         found = report(G1, limb_ends={"LeftForeArm": "left_wrist_yaw_link"})
         assert "ForeArm left against right" in failed(found)
+
+
+class TestArms:
+    def arms(self, **changed: Any) -> dict[str, Arm]:
+        """G1's, the left one changed."""
+        return {**G1.arms, "Left": replace(G1.arms["Left"], **changed)}
+
+    def test_the_length_is_from_shoulder_to_hand_point(self) -> None:
+        """G1's arm, stretched: its joints' offsets along the arm, added up by hand."""
+        found = entry(report(G1), "Left arm length")
+        # shoulder to yaw joint, to elbow, to wrist roll, pitch, yaw, hand point; 1 mm for offsets across the arm
+        along = (0.2438 - 0.1387) + 0.0805 + 0.1 + 0.038 + 0.046 + 0.107
+        assert found.value == pytest.approx(along, abs=1e-3)
+
+    @pytest.mark.parametrize(("factor", "passes"), [(0.96, True), (1.04, True), (0.94, False), (1.06, False)])
+    def test_a_typed_length_must_fit_the_geometry(self, factor: float, passes: bool) -> None:
+        measured = entry(report(G1), "Left arm length").value
+        assert measured is not None
+        found = report(G1, arms=self.arms(length_m=factor * measured))
+        off = entry(found, "Left arm length off")
+        assert off.value == pytest.approx(100 * abs(factor - 1), abs=1e-6)
+        assert off.passed is passes
+        assert found.passed is passes
+
+    def test_a_hand_point_at_the_shoulder_is_no_arm(self) -> None:
+        arm = G1.arms["Left"]
+        found = failed(report(G1, arms=self.arms(hand_link=arm.shoulder_link, hand_m=arm.shoulder_m, length_m=0.5)))
+        assert {"Left arm length", "Left arm length off"} <= set(found)
+
+    @pytest.mark.parametrize(("part", "name"), [("shoulder_m", "shoulder"), ("hand_m", "hand point")])
+    def test_points_that_do_not_mirror_fail(self, part: str, name: str) -> None:
+        x, y, z = getattr(G1.arms["Left"], part)
+        moved = report(G1, arms=self.arms(**{part: (x, y, z + 0.003)}))
+        assert set(failed(moved)) == {f"{name} left against right"}
+        assert entry(moved, f"{name} left against right").value == pytest.approx(3.0, abs=0.05)
+        assert report(G1, arms=self.arms(**{part: (x, y, z + 0.001)})).passed
+
+    def test_one_arm_alone_is_not_compared(self) -> None:
+        found = report(G1, arms={"Left": G1.arms["Left"]})
+        assert found.passed
+        assert not [c for c in found.checks if c.name.startswith(("Right arm", "hand point", "shoulder "))]
 
 
 def test_a_robot_without_limbs_says_that_nothing_was_checked() -> None:

@@ -56,7 +56,7 @@ class TestHuman:
         assert bones.shape == (0, 2)
 
 
-@pytest.mark.parametrize("name", ["g1", "icub", "talos", "baxter"])
+@pytest.mark.parametrize("name", ["g1", "icub", "talos", "baxter", "tocabi"])
 def test_robot(build_robot: Callable[[str], Any], name: str) -> None:
     """Points are joint origins by pinocchio's own kinematics; every joint's bone leads to its parent joint; soles hang from the ankles."""
     model = build_robot(name)

@@ -30,7 +30,7 @@ def refusal(path: str) -> str:
 
 def test_names_lists_the_folder() -> None:
     assert robots.names() == sorted(robots.names())
-    assert {"baxter", "g1", "human", "icub", "talos"} <= set(robots.names())
+    assert {"atlas", "baxter", "g1", "human", "icub", "talos", "tocabi"} <= set(robots.names())
 
 
 @pytest.mark.parametrize(("name", "near"), [("g2", "g1"), ("iCub", "icub"), ("tallos", "talos"), ("baxtre", "baxter")])
@@ -40,7 +40,7 @@ def test_unknown_robot_names_the_nearest(name: str, near: str) -> None:
 
 
 def test_unknown_robot_unlike_any_lists_all() -> None:
-    with pytest.raises(UnknownNameError, match="choose from baxter, g1, human"):
+    with pytest.raises(UnknownNameError, match="choose from atlas, baxter, g1"):
         robots.load("zzzzzzzz")
 
 

@@ -18,7 +18,7 @@ MotionFactory = Callable[..., HumanMotion]
 RobotBuilder = Callable[[str], Any]
 X, Y, Z = np.eye(3)
 PAIRS = [(f"{side}{u}", f"{side}{w}") for side in ("Left", "Right") for u, w in (("UpperArm", "ForeArm"), ("UpperLeg", "LowerLeg"))]  # fmt: skip
-ROBOTS = ["g1", "icub", "talos", "baxter"]
+ROBOTS = ["g1", "icub", "talos", "baxter", "tocabi"]
 
 
 def by_segment(motion: HumanMotion, model: Any) -> dict[str, Task]:

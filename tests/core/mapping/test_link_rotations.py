@@ -92,7 +92,7 @@ class TestAsInThePaper:
         assert np.abs(from_reference_posture(model)["LeftUpperArm"] - BY_HAND["LeftUpperArm"]).max() < 1e-15
 
 
-@pytest.mark.parametrize("name", ["g1", "icub", "talos", "baxter"])
+@pytest.mark.parametrize("name", ["g1", "icub", "talos", "baxter", "tocabi"])
 def test_real_robots(build_robot: Callable[[str], Any], name: str) -> None:
     """Proper rotations that put each limb's bone on the segment's T-pose axis and its hinge on the segment's hinge."""
     model = build_robot(name)
@@ -108,7 +108,7 @@ def test_real_robots(build_robot: Callable[[str], Any], name: str) -> None:
         assert np.abs(found[segment] @ limb.hinge - hinge).max() < 1e-12, segment
 
 
-@pytest.mark.parametrize("name", ["g1", "icub", "talos", "baxter"])
+@pytest.mark.parametrize("name", ["g1", "icub", "talos", "baxter", "tocabi"])
 def test_posture_and_geometry_roughly_agree_on_real_robots(build_robot: Callable[[str], Any], name: str) -> None:
     """A sign error in either would show as 90° or 180°; hand-made T-poses are off by up to 21°, wrists included."""
     model = build_robot(name)

@@ -177,7 +177,7 @@ def test_hessian_is_the_costs_second_derivative(
         assert curvature == pytest.approx(expected, abs=2e-5 * (1 + abs(expected)) + left_out)
 
 
-@pytest.mark.parametrize("robot", ["g1", "icub", "talos", "baxter"])
+@pytest.mark.parametrize("robot", ["g1", "icub", "talos", "baxter", "tocabi"])
 def test_idyntrees_kinematics_give_the_same_equations(robot: str, model: Models, swinging: Swinging) -> None:
     """An independent library's link rotations and free-floating Jacobians, in the stacked form, to 1e-9."""
     bindings = pytest.importorskip("idyntree.bindings", reason="idyntree is not installed")
