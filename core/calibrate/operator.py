@@ -183,7 +183,9 @@ class _Person:
             float(np.degrees(rotations.angle(still.orientation[chest], mean.orientation[chest]))) for mean in measured
         ]
         # The offset in the hand's own axes needs the facing direction, which the trackers themselves tell well enough for that.
-        heading, _ = poses.facing(_hands(means, trackers, dict.fromkeys(SIDES, np.zeros(3))))
+        hands = _hands(means, trackers, dict.fromkeys(SIDES, np.zeros(3)))
+        poses.check_order(hands)
+        heading, _ = poses.facing(hands)
         mounts = _mounts(means, trackers, heading, virtual=virtual)
         offsets = dict.fromkeys(SIDES, offset)
         if frame == "hand":
@@ -192,7 +194,6 @@ class _Person:
                 for side in SIDES
             }
         hands = _hands(means, trackers, offsets)
-        poses.check_order(hands)
         heading, disagreement = poses.facing(hands)
         mounts = _mounts(means, trackers, heading, virtual=virtual)
         to_operator = rotations.exp([0.0, 0.0, -heading])
@@ -202,7 +203,7 @@ class _Person:
 
         hands = {side: turn(points) for side, points in hands.items()}
         poses.check_arms(hands)
-        arms = {side: shoulder.fit(side, hands[side], turn(still.position[chest])) for side in SIDES}
+        arms = {side: shoulder.fit(side, hands, turn(still.position[chest])) for side in SIDES}
         origin = turn(still.position[trackers["Pelvis"]]) if "Pelvis" in trackers else _below_shoulders(arms)
         errors = {}
         if virtual:
@@ -212,7 +213,8 @@ class _Person:
                 if f"{side}UpperArm" in trackers
             }
         # The circle's centre doesn't care where the origin is: only now is it known, and everything moves to it.
-        arms = {side: shoulder.fit(side, hands[side] - origin, turn(still.position[chest]) - origin) for side in SIDES}
+        hands = {side: points - origin for side, points in hands.items()}
+        arms = {side: shoulder.fit(side, hands) for side in SIDES}
         return cls(
             means=means,
             turned_deg=turned,
@@ -386,9 +388,10 @@ def _below_shoulders(arms: Mapping[str, ArmCalibration]) -> Array:
 
 def _warnings(residuals: Mapping[str, float], person: _Person, trackers: Mapping[str, str]) -> list[str]:
     found = []
-    for side, arm in person.arms.items():
+    hands = {side: arm.hand_points for side, arm in person.arms.items()}
+    for side in SIDES:
         if (spread := residuals[f"shoulder_spread_m/{side}"]) > DOUBTFUL_SPREAD_M:
-            pose = POSE_NAMES[POSES[poses.least_trusted(side, arm.hand_points).pose]]
+            pose = POSE_NAMES[POSES[poses.least_trusted(hands, [side])[1].pose]]
             found.append(
                 f"{side.lower()} arm: the estimates of the shoulder lie {1000 * spread:.0f} mm apart; the {pose} fits least"
             )

@@ -6,7 +6,7 @@ A hand point array is (3, 3) m: rows = the hand in the Still pose (arms down), t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,10 +30,10 @@ _DIRECTIONS = ("down", "sideways", "ahead")
 
 @dataclass(frozen=True)
 class Reach:
-    """One arm in one pose, seen from the shoulder that the other two poses imply.
+    """One arm in one pose, seen from the shoulder that the other hands imply.
 
-    pose: index in `POSES`. length_m: shoulder to hand; usual_m: the same in the other two poses. deviation_rad: angle between the arm
-    and the direction it should have.
+    pose: index in `POSES`. length_m: shoulder to hand; usual_m: the same by the other hands. deviation_rad: angle between the arm and
+    the direction it should have.
     """
 
     pose: int
@@ -47,6 +47,10 @@ class Reach:
         ratio = self.length_m / self.usual_m if self.usual_m > 0 else np.inf
         off = (1 - ratio) / (1 - SHORTEST_REACH) if ratio < 1 else (ratio - 1) / (LONGEST_REACH - 1)
         return float(max(off, self.deviation_rad / LARGEST_DEVIATION_RAD))
+
+    def __str__(self) -> str:
+        off = f"{np.degrees(self.deviation_rad):.0f}° off straight {_DIRECTIONS[self.pose]}"
+        return f"the hand is {self.length_m:.2f} m from the shoulder, not {self.usual_m:.2f} m, and {off}"
 
 
 def outward(side: str) -> float:
@@ -109,45 +113,50 @@ def check_order(hands: Hands) -> None:
         raise MotionError(f"the poses are swapped: {found} (hands' height over the lowest, and distance: {detail})")
 
 
-def least_trusted(side: str, points: Array) -> Reach:
-    """The pose of one arm that fits the other two least; `points` (3, 3) m in the operator frame.
+def least_trusted(hands: Hands, among: Iterable[str] = SIDES) -> tuple[str, Reach]:
+    """(side, pose) of the hand that fits all the others least, of the arms `among`; `hands` in the operator frame, of one arm or both.
 
-    Any two poses of a straight arm in two perpendicular directions give the shoulder and the arm's length, with two equations to spare.
-    The two poses that satisfy these best are taken as good, and the third is seen from their shoulder.
+    In the three poses straight arms of one length L are perpendicular, so that every hand is at
+    `shoulder + L a + u (z × a)`, with the arm's ideal direction a and u = L · (a turn of the whole person): linear in the shoulders, L and
+    u. That is solved without one hand, for each; the one whose absence leaves the smallest misfit is seen from what the others say.
     """
-    axes = directions(side)
-    best: tuple[float, Reach] | None = None
-    for pose in range(3):
-        good = [i for i in range(3) if i != pose]
-        # Shoulder and length are the least-squares solution of shoulder + length · axis_i = hand_i for the two good poses.
-        matrix = np.vstack([np.column_stack([np.eye(3), axes[i]]) for i in good])
-        wanted = points[good].ravel()
-        solution = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
-        misfit = float(np.linalg.norm(matrix @ solution - wanted))
-        arm = points[pose] - solution[:3]
-        deviation = float(np.nan_to_num(rotations.vector_angle(arm, axes[pose]), nan=np.pi))
-        reach = Reach(pose, float(np.linalg.norm(arm)), float(solution[3]), deviation)
-        if best is None or misfit < best[0]:
-            best = misfit, reach
+    sides = list(hands)
+    rows, wanted, owner = [], [], []
+    for column, side in enumerate(sides):
+        for pose, axis in enumerate(directions(side)):
+            block = np.zeros((3, 3 * len(sides) + 2))
+            block[:, 3 * column : 3 * column + 3] = np.eye(3)
+            block[:, -2], block[:, -1] = axis, np.cross([0.0, 0.0, 1.0], axis)
+            rows.append(block)
+            wanted.append(hands[side][pose])
+            owner.append((side, pose))
+    best: tuple[float, str, Reach] | None = None
+    for index, (side, pose) in enumerate(owner):
+        if side not in among:
+            continue
+        good = [i for i in range(len(owner)) if i != index]
+        matrix, points = np.concatenate([rows[i] for i in good]), np.concatenate([wanted[i] for i in good])
+        solution = np.linalg.lstsq(matrix, points, rcond=None)[0]
+        misfit = float(np.linalg.norm(matrix @ solution - points))
+        if best is not None and misfit >= best[0]:
+            continue
+        ideal = rows[index][:, -2:] @ solution[-2:]
+        arm = wanted[index] - (rows[index] @ solution - ideal)
+        deviation = float(np.nan_to_num(rotations.vector_angle(arm, ideal), nan=np.pi))
+        usual = float(np.linalg.norm(solution[-2:]))
+        best = misfit, side, Reach(pose, float(np.linalg.norm(arm)), usual, deviation)
     assert best is not None
-    return best[1]
+    return best[1], best[2]
 
 
 def check_arms(hands: Hands) -> None:
-    """Raise `MotionError` naming arm and pose when an arm is bent or points elsewhere; `hands` in the operator frame."""
-    side, worst = max(
-        ((side, least_trusted(side, hands[side])) for side in SIDES), key=lambda found: float(found[1].badness)
-    )
+    """Raise `MotionError` naming arm and pose when an arm is bent or points elsewhere; `hands` of both arms in the operator frame."""
+    side, worst = least_trusted(hands)
     if worst.badness <= 1:
         return
-    where = f"{side.lower()} arm, {POSE_NAMES[POSES[worst.pose]]}"
-    if worst.deviation_rad > LARGEST_DEVIATION_RAD:
-        raise MotionError(
-            f"{where}: the hand is {np.degrees(worst.deviation_rad):.0f}° away from straight {_DIRECTIONS[worst.pose]}; "
-            f"expected at most {np.degrees(LARGEST_DEVIATION_RAD):.0f}°"
-        )
-    hint = "is the elbow bent?" if worst.length_m < worst.usual_m else "were the elbows bent in the other poses?"
+    low, high = SHORTEST_REACH * worst.usual_m, LONGEST_REACH * worst.usual_m
+    hint = "; is the elbow bent?" if worst.length_m < 0.95 * worst.usual_m else ""
     raise MotionError(
-        f"{where}: the hand is {worst.length_m:.2f} m from the shoulder, {worst.usual_m:.2f} m in the other poses; {hint} "
-        f"expected at least {SHORTEST_REACH:.0%} and at most {LONGEST_REACH:.0%} of it"
+        f"{side.lower()} arm, {POSE_NAMES[POSES[worst.pose]]}: by the other poses {worst}; "
+        f"expected {low:.2f} to {high:.2f} m and at most {np.degrees(LARGEST_DEVIATION_RAD):.0f}°{hint}"
     )

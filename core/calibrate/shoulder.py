@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core import rotations
-from retarget.core.calibrate.poses import least_trusted, outward
+from retarget.core.calibrate.poses import Hands, least_trusted, outward
 from retarget.core.calibration import POSE_NAMES, POSES, ArmCalibration
 from retarget.core.errors import MotionError
 
@@ -22,10 +22,11 @@ SMALLEST_HEIGHT_M = 0.05
 """Least height of the triangle of hand points: below it they are as good as on a line."""
 
 
-def fit(side: str, hand_points: Array, chest: Array | None = None) -> ArmCalibration:
+def fit(side: str, hands: Hands, chest: Array | None = None) -> ArmCalibration:
     """The arm's shoulder, length and angles.
 
-    side: "Left" or "Right". hand_points: (3, 3) m, operator frame (X ahead, Y left, Z up), rows = Still, T, Forward.
+    side: "Left" or "Right". hands: side → (3, 3) m, operator frame (X ahead, Y left, Z up), rows = hand points in Still, T and Forward
+    pose; those of the other side, where they are given, only help to tell which pose to blame.
     chest: (3,) m, a point of the chest in the same frame, or None: the shoulder must be the candidate nearer to it.
 
     With circumcentre c, circumradius r and unit normal n of the triangle, `k_ab = √(‖a − b‖²/2 − r²)` for each pair of points, and the
@@ -35,25 +36,26 @@ def fit(side: str, hand_points: Array, chest: Array | None = None) -> ArmCalibra
     Raises `MotionError`, naming the arm and the pose that fits least, when the points are on a line, when no real k exists (an angle of the
     triangle below 45°), when the k differ by more than `LARGEST_SPREAD_M`, and when the chest is on the wrong side.
     """
-    points = np.asarray(hand_points, float)
+    points = np.asarray(hands[side], float)
     arm = f"{side.lower()} arm"
     centre, radius, normal = _circle(arm, points)
     squares = np.array([np.sum((points[a] - points[b]) ** 2) / 2 - radius**2 for a, b in PAIRS])
     if squares.min() < 0:
         a, b = PAIRS[int(np.argmin(squares))]
-        bad, third = least_trusted(side, points).pose, 3 - a - b
+        bad, third = least_trusted(hands, [side])[1], 3 - a - b
         corner = np.degrees(rotations.vector_angle(points[a] - points[third], points[b] - points[third]))
         raise MotionError(
-            f"{arm}, {_name(bad)}: no shoulder fits; seen from the hand in the {_name(third)}, the hands in {_name(a)} and {_name(b)} "
-            f"({np.linalg.norm(points[a] - points[b]):.2f} m apart) are {corner:.0f}° apart; expected 45° to 90°"
+            f"{arm}, {_name(bad.pose)}: no shoulder fits: {bad}; the triangle of the hand points has {corner:.0f}° at the {_name(third)}, "
+            "expected 45° to 90°"
         )
     offsets = np.sqrt(squares)
     spread = float(np.ptp(offsets))
     if spread > LARGEST_SPREAD_M:
+        bad = least_trusted(hands, [side])[1]
         found = ", ".join(f"{_name(a)}–{_name(b)} {k:.3f} m" for (a, b), k in zip(PAIRS, offsets, strict=True))
         raise MotionError(
-            f"{arm}, {_name(least_trusted(side, points).pose)}: the three estimates of the shoulder lie {spread:.3f} m apart ({found}); "
-            f"expected at most {LARGEST_SPREAD_M:g} m; was the arm straight, and perpendicular to the other poses?"
+            f"{arm}, {_name(bad.pose)}: {bad}; the three estimates of the shoulder lie {spread:.3f} m apart ({found}), "
+            f"expected at most {LARGEST_SPREAD_M:g} m"
         )
     # Medial and behind: against the way that the arm points sideways in T-pose and ahead in the Forward pose.
     toward_body = np.array([-1.0, -outward(side), 0.0])

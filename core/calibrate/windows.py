@@ -187,12 +187,11 @@ def _score(means: Sequence[MeanPose], hands: Sequence[str], chest: str, offset: 
         return np.inf, str(error)
     turn = rotations.exp([0.0, 0.0, -heading])
     points = {side: rotations.rotate(turn, value) for side, value in points.items()}
-    badness = [poses.least_trusted(side, value).badness for side, value in points.items()]
-    score = max(badness) + 0.5 * sum(badness) + disagreement
+    score = poses.least_trusted(points)[1].badness + disagreement
     try:
         poses.check_arms(points)
         body = rotations.rotate(turn, still.position[chest])
-        arms = [shoulder.fit(side, value, body) for side, value in points.items()]
+        arms = [shoulder.fit(side, points, body) for side in SIDES]
     except MotionError as error:
         return score, str(error)
     return score / 2 + max(float(np.ptp(arm.offsets_m)) for arm in arms) / shoulder.LARGEST_SPREAD_M / 2, ""
