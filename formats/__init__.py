@@ -26,6 +26,7 @@ __all__ = [
     "get",
     "names",
     "read_motion",
+    "read_recording",
     "read_trackers",
     "read_trajectory",
     "write_trajectory",
@@ -76,6 +77,23 @@ def read_trackers(
             return found.read_trackers(stream, shown, options or TrackerOptions())
         except InvalidDataError as error:
             raise FormatError(shown, str(error)) from error
+
+
+def read_recording(
+    source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
+) -> HumanMotion | TrackerRecording:
+    """What `source` recorded of a person: a motion of segments, or poses of trackers, as its format holds; errors as those of `read_trackers`."""
+    with opened(source, name, format, "read_trackers") as (stream, shown, found):
+        try:
+            if found.read_trackers is not None:
+                return found.read_trackers(stream, shown, options or TrackerOptions())
+            if found.read_motion is not None:
+                return found.read_motion(stream, shown)
+        except InvalidDataError as error:
+            raise FormatError(shown, str(error)) from error
+    raise UsageError(
+        f"{shown}: {found.name} holds {_content(found)}, not a person's motion; expected one of {_readers('trackers')}, {_readers('motion')}"
+    )
 
 
 def describe(
