@@ -13,7 +13,11 @@ from retarget.core.calibration import POSES, SIDES, Calibration
 from retarget.core.types import Array
 
 VIEWS = {
-    "from the front": (np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "left / m", "up / m"),
+    "from the front (S Still pose, T T-pose, F Forward pose)": (
+        np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+        "left / m",
+        "up / m",
+    ),
     "from the right": (np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), "ahead / m", "up / m"),
     "from above": (np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]), "right / m", "ahead / m"),
 }
@@ -21,7 +25,8 @@ VIEWS = {
 
 COLOUR = {"Left": LEFT, "Right": RIGHT}
 LETTER = dict(zip(POSES, "STF", strict=True))
-FIGURE_IN = (11.0, 5.4)
+WIDTH_IN, TABLE_IN, TITLE_IN, LABELS_IN = 11.0, 0.85, 0.3, 0.45
+GAP_IN, LEFT_IN, RIGHT_IN = 0.6, 0.6, 0.1
 DPI = 130
 
 
@@ -40,14 +45,22 @@ def drawn(calibration: Calibration, suffix: str) -> bytes:
 def person(calibration: Calibration) -> Figure:
     """Three views of the person in the operator frame, in one scale, and the arms in numbers below."""
     corners = _extent(calibration)
-    widths = [float(np.ptp(corners @ across_up.T, axis=0)[0]) for across_up, _, _ in VIEWS.values()]
-    figure = Figure(figsize=FIGURE_IN)
-    figure.subplots_adjust(left=0.06, right=0.985, top=0.93, bottom=0.27, wspace=0.22)
-    grid = figure.subplots(1, len(VIEWS), width_ratios=widths)
+    sizes = np.array([np.ptp(corners @ across_up.T, axis=0) for across_up, _, _ in VIEWS.values()])
+    scale = (WIDTH_IN - LEFT_IN - RIGHT_IN - GAP_IN * (len(VIEWS) - 1)) / sizes[:, 0].sum()
+    height = scale * sizes[:, 1].max() + TITLE_IN + LABELS_IN + TABLE_IN
+    figure = Figure(figsize=(WIDTH_IN, height))
+    figure.subplots_adjust(
+        left=LEFT_IN / WIDTH_IN,
+        right=1 - RIGHT_IN / WIDTH_IN,
+        top=1 - TITLE_IN / height,
+        bottom=(TABLE_IN + LABELS_IN) / height,
+        wspace=GAP_IN / (scale * sizes[:, 0].mean()),
+    )
+    grid = figure.subplots(1, len(VIEWS), width_ratios=sizes[:, 0])
     for axes, (title, (across_up, across, up)) in zip(grid, VIEWS.items(), strict=True):
-        _draw(axes, calibration, across_up)
+        _draw(axes, calibration, across_up, named=axes is grid[0])
         flat = corners @ across_up.T
-        axes.set(title=title, xlabel=across, ylabel=up, aspect="equal")
+        axes.set(title=title, anchor="N", xlabel=across, ylabel=up, aspect="equal")
         axes.set_xlim(flat[:, 0].min(), flat[:, 0].max())
         axes.set_ylim(flat[:, 1].min(), flat[:, 1].max())
         axes.grid(color=FAINT, linewidth=0.4)
@@ -55,11 +68,11 @@ def person(calibration: Calibration) -> Figure:
     # Side by side every column needs its own left edge: lines of one text would not line up in a proportional font.
     for column, lines in zip((0.06, 0.13, 0.23, 0.47, 0.73), _table(calibration), strict=True):
         for row, (text, colour) in enumerate(zip(lines, (INK, LEFT, RIGHT), strict=True)):
-            figure.text(column, 0.115 - 0.042 * row, text, color=colour, fontsize=8, va="top")
+            figure.text(column, (TABLE_IN - 0.1 - 0.22 * row) / height, text, color=colour, fontsize=8, va="top")
     return figure
 
 
-def _draw(axes: Axes, calibration: Calibration, across_up: Array) -> None:
+def _draw(axes: Axes, calibration: Calibration, across_up: Array, *, named: bool) -> None:
     def flat(point: Array) -> Array:
         return np.asarray(across_up @ point)
 
@@ -90,7 +103,8 @@ def _draw(axes: Axes, calibration: Calibration, across_up: Array) -> None:
         axes.plot(*start, "o", color=colour, markersize=7, zorder=3)
     for point, marker, name in ((calibration.chest_position, "s", "chest"), (np.zeros(3), "P", "origin")):
         axes.plot(*flat(point), marker, color=INK, markersize=5, zorder=4)
-        axes.annotate(name, flat(point), xytext=(6, -3), textcoords="offset points", fontsize=7, va="top", zorder=4)
+        if named:
+            axes.annotate(name, flat(point), xytext=(6, -3), textcoords="offset points", fontsize=7, va="top", zorder=4)
 
 
 def _extent(calibration: Calibration) -> Array:
@@ -109,7 +123,7 @@ def _table(calibration: Calibration) -> list[tuple[str, str, str]]:
         columns.append((head, values[0], values[1]))
 
     column("arm length", [f"{arm.length_m:.4f} m" for arm in arms])
-    column("angles Still–T, T–Forward, Forward–Still", [", ".join(f"{a:.2f}°" for a in arm.angles_deg) for arm in arms])
+    column("angles S–T, T–F, F–S", [", ".join(f"{a:.2f}°" for a in arm.angles_deg) for arm in arms])
     column("shoulder: ahead, left, up", [", ".join(f"{v:.4f}" for v in arm.shoulder) + " m" for arm in arms])
     column("spread of its estimates", [f"{1000 * np.ptp(arm.offsets_m):.1f} mm" for arm in arms])
     return columns

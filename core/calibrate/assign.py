@@ -1,11 +1,12 @@
 """Which tracker is on which part of the body, told from where the trackers are, not from how they are called.
 
 In the Still pose of a standing person the head is highest and the hands are lowest; between them the chest is in the middle, with an upper
-arm on either side; a seventh tracker, lower than those, is on the pelvis. Left and right follow from where the hands go in the Forward pose.
+arm on either side; a seventh tracker, low between the hands, is on the pelvis. Left and right follow from where the hands go in the Forward pose.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -51,26 +52,35 @@ def body(still: Mapping[str, Array]) -> Body:
         raise MotionError(
             f"found {len(still)} trackers ({', '.join(sorted(still))}), expected six or seven: {SIX}{_ADVICE}"
         )
-    by_height = sorted(still, key=lambda name: float(still[name][2]))
-    first, second, *middle, highest = by_height
     height = {name: float(position[2]) for name, position in still.items()}
+    by_height = sorted(still, key=lambda name: height[name])
+    low, middle, highest = by_height[: len(still) - 4], by_height[len(still) - 4 : -1], by_height[-1]
     margin = {highest: height[highest] - height[middle[-1]]}
     _check(margin, highest, "the head (highest)", middle[-1])
-    for hand in (first, second):
-        margin[hand] = height[middle[0]] - height[second]
-    _check(margin, second, "a hand (among the two lowest)", middle[0])
-    pelvis = ""
-    if len(middle) == 4:
-        pelvis, *middle = middle
-        margin[pelvis] = height[middle[0]] - height[pelvis]
-        _check(margin, pelvis, "the pelvis (lowest above the hands)", middle[0])
+    for name in low:
+        margin[name] = height[middle[0]] - height[low[-1]]
+    _check(margin, low[-1], f"a hand{' or the pelvis' if low[2:] else ''} (lowest)", middle[0])
+    # The hands hang on either side of the pelvis: of the low ones they are the two that are farthest apart.
+    first, second = max(
+        itertools.combinations(low, 2), key=lambda pair: float(np.linalg.norm((still[pair[0]] - still[pair[1]])[:2]))
+    )
     line = (still[first] - still[second])[:2]
     width = float(np.linalg.norm(line))
     if width < 4 * SMALLEST_MARGIN_M:
         raise MotionError(
-            f"the two lowest trackers {first} and {second}, taken for the hands, are {width:.2f} m apart; "
+            f"the lowest trackers {first} and {second}, taken for the hands, are {width:.2f} m apart; "
             f"expected them on either side of the body{_ADVICE}"
         )
+    pelvis = ""
+    for name in low:
+        if name not in (first, second):
+            pelvis = name
+            beside = {hand: abs(float((still[hand] - still[name])[:2] @ line)) / width for hand in (first, second)}
+            nearer = min(beside, key=lambda hand: beside[hand])
+            margin[name] = min(margin[name], beside[nearer])
+            _check(margin, name, "the pelvis (between the hands)", nearer)
+            for hand in (first, second):
+                margin[hand] = min(margin[hand], beside[hand])
     along = {name: float(still[name][:2] @ line) / width for name in middle}
     one, chest, other = sorted(middle, key=lambda name: along[name])
     for arm in (one, other):

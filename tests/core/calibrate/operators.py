@@ -35,7 +35,7 @@ class Operator:
     """The person and their trackers. World: operator's own frame turned by `heading` and moved to `place`; the floor is z = 0.
 
     shoulder_half, shoulder_height, arm_length: m. mount: segment → rotation tracker → segment. hand_offset: side → hand tracker to hand
-    point in the tracker's axes, m. elbow_deg: (side, pose) → bend of that elbow, forearm up (down in the Still pose: ahead).
+    point in the tracker's axes, m; `offset` is the left one. elbow_deg: (side, pose) → bend of that elbow, forearm up (down in the Still pose: ahead).
     aim_deg: (side, pose) → turn of that whole arm about the vertical, toward the front.
     """
 
@@ -52,10 +52,10 @@ class Operator:
 
     @classmethod
     def random(cls, seed: int, **fields: object) -> Operator:
-        """Any heading, place, build and mounts; the hand offsets are those of 8 cm toward the fingers under each mount."""
+        """Any heading, place, build, mounts and hand offset (one for both hands, in the trackers' axes)."""
         rng = np.random.default_rng(seed)
         mount = {segment: Rotation.random(random_state=rng) for segment in (*ROLES, "Pelvis")}
-        offset = {side: rng.uniform(-0.08, 0.08, 3) for side in SIDES}
+        offset = dict.fromkeys(SIDES, rng.uniform(-0.08, 0.08, 3))
         chosen = {
             "heading": rng.uniform(-np.pi, np.pi),
             "place": rng.uniform(-4, 4, 3) * [1, 1, 0],
@@ -71,6 +71,10 @@ class Operator:
     @property
     def to_world(self) -> Rotation:
         return Rotation.from_euler("z", self.heading)
+
+    @property
+    def offset(self) -> list[float]:
+        return np.asarray(self.hand_offset["Left"], float).tolist()
 
     def shoulder(self, side: str) -> Array:
         """(3,) m, in the person's own frame with its origin on the floor."""
