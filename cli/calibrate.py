@@ -86,7 +86,7 @@ def calibrate(
 
     INPUTS is one recording that holds the three poses, or three: Still pose (arms down), T-pose and Forward pose (arms straight
     ahead), in this order. Tracker logs or suit recordings (MVNX), or '-' for stdin. When a pose is held is told by --still, --tpose and
-    --forward (START:END), or found: in one recording the three still stretches that fit best, in three each one's longest.
+    --forward (START:END), or found: the still stretches whose arms fit the poses best.
     """
     from retarget.cli import plan
     from retarget.core.calibration import POSES

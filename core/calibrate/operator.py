@@ -22,7 +22,6 @@ from retarget.core.calibrate.windows import (
     hand_points,
     in_chest_of,
     still_stretches,
-    stillest,
 )
 from retarget.core.calibration import POSE_NAMES, POSES, SIDES, ArmCalibration, Calibration
 from retarget.core.errors import MotionError, UsageError
@@ -34,21 +33,23 @@ AssignBy = Literal["roles", "auto"]
 OffsetFrame = Literal["tracker", "hand"]
 
 TRACKER_HAND_OFFSET_M = (-0.08, 0.0, 0.0)
-"""From a hand tracker to the hand point, in the tracker's own axes, as the authors mount it: x points from the arm to the fingers."""
+"""From a hand tracker to the hand point, in the tracker's own axes: the authors' code. It fits trackers that are mounted like theirs."""
 
 NEEDED = ("T8", "LeftHand", "RightHand")
 TRACKED = ("Pelvis", "T8", "Head", "LeftUpperArm", "LeftHand", "RightUpperArm", "RightHand")
 """Segments that a tracker may be on."""
 
-ARM_PER_STATURE = 0.186 + 0.146
+ARM_PER_STATURE = 0.186 + 0.146 + 0.108 / 4
 SHOULDER_OVER_HIP_PER_STATURE = 0.818 - 0.530
-"""Shoulder to wrist, and the height of the shoulders over the hips, as parts of the stature: Drillis & Contini, "Body Segment Parameters"
-(1966), as reprinted in Winter, "Biomechanics and Motor Control of Human Movement"."""
+"""As parts of the stature, shoulder to hand point (taken midway between the wrist and the palm's centre, where offsets put it), and the height
+of the shoulders over the hips: Drillis & Contini, "Body Segment Parameters" (1966), as reprinted in Winter, "Biomechanics and Motor
+Control of Human Movement"."""
 
-DOUBTFUL_SPREAD_M = 0.05
+DOUBTFUL_SPREAD_M = 0.08
 DOUBTFUL_FACING_DEG = 15.0
 DOUBTFUL_MOTION_M = 0.03
 DOUBTFUL_LENGTHS = 0.1
+DOUBTFUL_OFFSET_DEG = 60.0
 
 
 def calibrate(
@@ -62,8 +63,7 @@ def calibrate(
     """The operator in `recordings`: one that holds all three poses, or pose ("still", "tpose", "forward") → its own.
 
     Of a `HumanMotion` (MVNX) the segments' origins serve as trackers.
-    windows: pose → (start, end) s on its recording's clock. Without: of a recording of its own, the longest still stretch; of one for all
-    three, the still stretches whose arms fit best.
+    windows: pose → (start, end) s on its recording's clock. Those not given are found: the still stretches whose arms fit best.
     assign_by: "roles" takes tracker → segment from the recording, "auto" tells it from geometry; None: roles where they name chest and hands.
     hand_offset_m: from the hand tracker to the hand point, (3,) m; default `TRACKER_HAND_OFFSET_M` for trackers, 0 for a `HumanMotion`.
     hand_offset_frame: "tracker" = the tracker's own axes (both hands alike); "hand" = the hand's axes in T-pose: ahead, outward along the
@@ -89,6 +89,7 @@ def calibrate(
     _check_same_trackers(by_pose)
     if assign_by is None:
         assign_by = "roles" if set(NEEDED) <= set(by_pose["still"].segments.values()) else "auto"
+    default_offset = hand_offset_m is None
     if hand_offset_m is None:
         hand_offset_m = (0.0, 0.0, 0.0) if virtual else TRACKER_HAND_OFFSET_M
     if np.shape(hand_offset_m) != (3,) or not np.isfinite(hand_offset_m).all():
@@ -122,7 +123,7 @@ def calibrate(
         windows_s=windows,
         input_sha256={pose: by_pose[pose].source.sha256 for pose in POSES if by_pose[pose].source.sha256},
         residuals=residuals,
-        warnings=tuple(_warnings(residuals, person, trackers)),
+        warnings=(*_warnings(residuals, person, trackers), *(_offset_warnings(person) if default_offset else ())),
     )
 
 
@@ -257,33 +258,24 @@ def _windows(
     for pose, (start, end) in given.items():
         if not (np.isfinite([start, end]).all() and start <= end):
             raise UsageError(f"{POSE_NAMES[pose]}: found {start:g} to {end:g} s, expected a start before its end")
-    missing = [pose for pose in POSES if pose not in given]
-    if not missing:
+    if len(given) == len(POSES):
         return dict(given)
-    recordings = {id(recording): recording for recording in by_pose.values()}
-    if len(recordings) == 3:
-        return {
-            pose: given[pose] if pose in given else stillest(by_pose[pose], _watched(by_pose[pose], assign_by), pose)
-            for pose in POSES
-        }
-    if len(recordings) != 1 or len(missing) < 3:
-        raise UsageError(
-            f"no window of the {' and the '.join(POSE_NAMES[pose] for pose in missing)}; give the windows of all three poses, or none"
-        )
-    recording = by_pose["still"]
     if assign_by == "roles":
-        roles = _by_roles(recording)
-        return find(recording, (roles["LeftHand"], roles["RightHand"]), roles["T8"], offset)[0]
-    return _found_without_roles(recording, offset)
+        roles = _by_roles(by_pose["still"])
+        return find(by_pose, given, (roles["LeftHand"], roles["RightHand"]), roles["T8"], offset)[0]
+    return _found_without_roles(by_pose, given, offset)
 
 
-def _found_without_roles(recording: TrackerRecording, offset: Array) -> dict[str, Window]:
+def _found_without_roles(
+    by_pose: Mapping[str, TrackerRecording], given: Mapping[str, Window], offset: Array
+) -> dict[str, Window]:
     """The windows where nobody says which trackers are the hands: any still stretch may be the Still pose that tells."""
+    still = by_pose["still"]
     guesses: dict[tuple[str, ...], None] = {}
     refusal: MotionError | None = None
-    for window in still_stretches(recording, recording.trackers):
+    for window in [given["still"]] if "still" in given else still_stretches(still, still.trackers):
         try:
-            found = body(average(recording, window, "still").position)
+            found = body(average(still, window, "still").position)
         except MotionError as error:
             refusal = refusal or error
             continue
@@ -291,7 +283,7 @@ def _found_without_roles(recording: TrackerRecording, offset: Array) -> dict[str
     best: tuple[float, dict[str, Window]] | None = None
     for one, other, chest in guesses:
         try:
-            windows, score = find(recording, (one, other), chest, offset)
+            windows, score = find(by_pose, given, (one, other), chest, offset)
         except MotionError as error:
             refusal = error
             continue
@@ -302,14 +294,6 @@ def _found_without_roles(recording: TrackerRecording, offset: Array) -> dict[str
             "nobody stands still in this recording; name the times of the Still, T and Forward pose as START:END"
         )
     return best[1]
-
-
-def _watched(recording: TrackerRecording, assign_by: AssignBy) -> Sequence[str]:
-    """The trackers that must stand still in a pose: chest and hands, or all where nobody says which those are."""
-    if assign_by == "auto":
-        return recording.trackers
-    roles = _by_roles(recording)
-    return [roles[segment] for segment in NEEDED]
 
 
 def _by_roles(recording: TrackerRecording) -> dict[str, str]:
@@ -407,4 +391,21 @@ def _warnings(residuals: Mapping[str, float], person: _Person, trackers: Mapping
         )
     if lacking := [name for name in TRACKED if name not in trackers and name != "Pelvis"]:
         found.append(f"no tracker on {', '.join(lacking)}")
+    return found
+
+
+def _offset_warnings(person: _Person) -> list[str]:
+    """The default offset belongs to one way of mounting: say when it points across the arm."""
+    found = []
+    for side, offset in person.offsets.items():
+        if not offset.any():
+            continue
+        in_hand = rotations.rotate(rotations.conjugate(person.mounts[f"{side}Hand"]), offset)
+        off = float(np.degrees(np.arccos(np.clip(abs(in_hand[1]) / np.linalg.norm(offset), 0, 1))))
+        if off > DOUBTFUL_OFFSET_DEG:
+            shown = ", ".join(f"{value:g}" for value in offset)
+            found.append(
+                f"{side.lower()} hand: the default hand offset ({shown}) m points {off:.0f}° off the arm with this mount; "
+                "measure it and give --hand-offset, or --hand-offset-frame hand"
+            )
     return found

@@ -1,7 +1,7 @@
 """Which stretch of a recording shows which pose, and the mean pose of every tracker in it.
 
-A window is (start, end) s on the recording's own clock. Windows are given, or found: stretches in which chest and hands stand still, and
-among them the three whose arms fit the Still, T and Forward pose best.
+A window is (start, end) s on its recording's own clock. Windows are given, or found: of the stretches in which chest and hands stand still,
+the three whose arms fit the Still, T and Forward pose best.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SPEED_OVER_S = 0.2
 SHORTEST_STILL_S = 0.4
 LONGEST_WINDOW_S = 1.5
 """Of a longer still stretch its middle is taken."""
-MOST_CANDIDATES = 12
+MOST_CANDIDATES = 8
 """Still stretches considered for each pose, best looking first."""
 
 
@@ -110,65 +110,85 @@ def still_stretches(recording: TrackerRecording, trackers: Iterable[str]) -> lis
     return windows
 
 
-def stillest(recording: TrackerRecording, trackers: Iterable[str], pose: str) -> Window:
-    """The window of a recording that shows one pose only: the middle of its longest still stretch.
-
-    Raises `MotionError` when nobody stands still.
-    """
-    found = still_stretches(recording, trackers)
-    if not found:
-        raise MotionError(
-            f"{POSE_NAMES[pose]}: nobody stands still for {SHORTEST_STILL_S + SPEED_OVER_S:g} s; name the time of the pose as START:END"
-        )
-    return max(found, key=lambda window: window[1] - window[0])
-
-
 def find(
-    recording: TrackerRecording, hands: Sequence[str], chest: str, hand_offset: Array
+    by_pose: Mapping[str, TrackerRecording],
+    given: Mapping[str, Window],
+    hands: Sequence[str],
+    chest: str,
+    hand_offset: Array,
 ) -> tuple[dict[str, Window], float]:
-    """(pose → window, score) of the three still stretches whose arms look most like Still, T and Forward; score 0 = perfect, 1 = at a limit.
+    """(pose → window, score) of the still stretches whose arms look most like Still, T and Forward; score 0 = perfect, 1 = at a limit.
 
-    hands: the two hand trackers, either first. hand_offset: (3,) m, hand tracker to hand point in the tracker's axes. Raises `MotionError` when no three stretches pass the checks of a calibration, and says
-    what the nearest lacked.
+    by_pose: pose → the recording that holds it, one for all or each its own. given: windows that are not to be looked for.
+    hands: the two hand trackers, either first. hand_offset: (3,) m, hand tracker to hand point in the tracker's axes.
+    Raises `MotionError` when a pose has no still stretch, and when no choice passes the checks of a calibration: then it says what the
+    nearest lacked.
     """
-    stretches = still_stretches(recording, (chest, *hands))
-    if len(stretches) < 3:
-        raise MotionError(
-            f"found {len(stretches)} stretches in which chest and hands stand still, expected the Still, T and Forward pose, "
-            f"each held for at least {SHORTEST_STILL_S + SPEED_OVER_S:g} s; name their times as START:END"
-        )
-    means = [average(recording, window, "still") for window in stretches]
-    candidates = _candidates(means, hands, chest)
-    best: tuple[float, tuple[int, ...]] | None = None
-    reason = ""
-    nearest = np.inf
-    for triple in itertools.product(*candidates):
-        if len(set(triple)) < 3:
+    stretches = {
+        pose: [given[pose]] if pose in given else still_stretches(by_pose[pose], (chest, *hands)) for pose in POSES
+    }
+    for pose, found in stretches.items():
+        if not found:
+            raise MotionError(
+                f"{POSE_NAMES[pose]}: nowhere do chest and hands stand still for {SHORTEST_STILL_S + SPEED_OVER_S:g} s; "
+                "name its time as START:END"
+            )
+    if all(len(found) == 1 for found in stretches.values()) and len({id(r) for r in by_pose.values()}) == len(POSES):
+        return {
+            pose: found[0] for pose, found in stretches.items()
+        }, 0.0  # no choice: their calibration says what is wrong
+    needed = (chest, *hands)
+    means = {
+        pose: [
+            mean
+            for mean in (average(by_pose[pose], window, pose) for window in found)
+            if all(name in mean.position for name in needed)
+        ]
+        for pose, found in stretches.items()
+    }
+    for pose, found_means in means.items():
+        if not found_means:
+            raise MotionError(f"{POSE_NAMES[pose]}: chest and hands are not tracked in the time given")
+    best: tuple[float, tuple[MeanPose, ...]] | None = None
+    reason, nearest = "", np.inf
+    for triple in itertools.product(*_candidates(means, hands, chest)):
+        if _same_stretch(triple, by_pose):
             continue
-        score, problem = _score([means[i] for i in triple], hands, chest, hand_offset)
+        score, problem = _score(triple, hands, chest, hand_offset)
         if problem and (score < nearest or not reason):
             nearest, reason = score, problem
         if not problem and (best is None or score < best[0]):
             best = score, triple
     if best is None:
-        tried = ", ".join(f"{start:.1f}:{end:.1f}" for start, end in stretches[:8]) + (" …" if stretches[8:] else "")
+        windows = sorted({window for found in stretches.values() for window in found})
+        tried = ", ".join(f"{start:.1f}:{end:.1f}" for start, end in windows[:8]) + (" …" if windows[8:] else "")
         raise MotionError(
-            f"no Still, T and Forward pose among the {len(stretches)} still stretches ({tried} s)"
+            f"no Still, T and Forward pose among {len(windows)} still stretches ({tried} s)"
             + (f"; the nearest: {reason}" if reason else "")
             + "; name their times as START:END"
         )
-    return {pose: stretches[i] for pose, i in zip(POSES, best[1], strict=True)}, best[0]
+    return {pose: mean.window for pose, mean in zip(POSES, best[1], strict=True)}, best[0]
 
 
-def _candidates(means: Sequence[MeanPose], hands: Sequence[str], chest: str) -> list[list[int]]:
+def _same_stretch(triple: Sequence[MeanPose], by_pose: Mapping[str, TrackerRecording]) -> bool:
+    """Whether two poses would be taken from one stretch of one recording."""
+    places = {(id(by_pose[pose]), mean.window) for pose, mean in zip(POSES, triple, strict=True)}
+    return len(places) < len(POSES)
+
+
+def _candidates(means: Mapping[str, Sequence[MeanPose]], hands: Sequence[str], chest: str) -> list[list[MeanPose]]:
     """For each pose the stretches that look most like it, from what needs no facing direction."""
-    left, right = (np.array([mean.position[hand] for mean in means]) for hand in hands)
-    body = np.array([mean.position[chest] for mean in means])
-    middle = (left + right) / 2 - body
-    apart = np.linalg.norm((left - right)[:, :2], axis=1)
-    drop, ahead = middle[:, 2], np.linalg.norm(middle[:, :2], axis=1)
-    orders = (np.argsort(drop), np.argsort(-apart), np.argsort(-ahead))
-    return [order[:MOST_CANDIDATES].tolist() for order in orders]
+    found = []
+    for pose in POSES:
+        left, right, body = (np.array([mean.position[name] for mean in means[pose]]) for name in (*hands, chest))
+        middle = (left + right) / 2 - body
+        badness = {
+            "still": middle[:, 2],
+            "tpose": -np.linalg.norm((left - right)[:, :2], axis=1),
+            "forward": -np.linalg.norm(middle[:, :2], axis=1),
+        }[pose]
+        found.append([means[pose][i] for i in np.argsort(badness)[:MOST_CANDIDATES]])
+    return found
 
 
 def _score(means: Sequence[MeanPose], hands: Sequence[str], chest: str, offset: Array) -> tuple[float, str]:

@@ -149,7 +149,6 @@ def test_outputs_are_never_lost(run: Run, log: Path) -> None:
         (("--roles", "LHR-1"), "found 'LHR-1', expected SERIAL=SEGMENT"),
         (("--roles", "LHR-1=T8", "--roles", "LHR-1=Head"), "tracker 'LHR-1' is given as T8 and as Head"),
         (("--roles-file", "none.txt"), "--roles-file none.txt: no such file"),
-        (("--still", "0.1:1.4"), "no window of the T-pose and the Forward pose"),
     ],
 )
 def test_usage_errors(run: Run, log: Path, arguments: tuple[str, ...], message: str) -> None:
