@@ -151,7 +151,11 @@ def least_trusted(hands: Hands, among: Iterable[str] = SIDES) -> tuple[str, Reac
 
 def check_arms(hands: Hands) -> None:
     """Raise `MotionError` naming arm and pose when an arm is bent or points elsewhere; `hands` of both arms in the operator frame."""
-    side, worst = least_trusted(hands)
+    check_arm(*least_trusted(hands))
+
+
+def check_arm(side: str, worst: Reach) -> None:
+    """Raise `MotionError` when the hand that `least_trusted` found is beyond what is accepted."""
     if worst.badness <= 1:
         return
     low, high = SHORTEST_REACH * worst.usual_m, LONGEST_REACH * worst.usual_m

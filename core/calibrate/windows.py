@@ -45,22 +45,24 @@ class MeanPose:
     motion_m: Mapping[str, float]
 
 
-def average(recording: TrackerRecording, window: Window, pose: str) -> MeanPose:
-    """The mean over the tracked frames with start ≤ time ≤ end. `pose` names it in messages.
+def average(recording: TrackerRecording, window: Window, pose: str, trackers: Iterable[str] | None = None) -> MeanPose:
+    """The mean over the tracked frames with start ≤ time ≤ end, of all trackers or of those named. `pose` names it in messages.
 
     Raises `MotionError` when no frame lies in the window.
     """
     start, end = window
     time = recording.time
-    inside = (time >= start - CLOCK_SLACK_S) & (time <= end + CLOCK_SLACK_S)
-    if not inside.any():
+    first = int(np.searchsorted(time, start - CLOCK_SLACK_S))
+    stop = int(np.searchsorted(time, end + CLOCK_SLACK_S, side="right"))
+    if first >= stop:
         raise MotionError(
             f"{POSE_NAMES[pose]}: no frame from {start:g} to {end:g} s; the recording runs from {time[0]:g} to {time[-1]:g} s"
         )
     position, orientation, motion = {}, {}, {}
-    for column, tracker in enumerate(recording.trackers):
-        rows = inside & recording.tracked[:, column]
-        if rows.any():
+    for tracker in recording.trackers if trackers is None else trackers:
+        column = recording.index(tracker)
+        rows = first + np.flatnonzero(recording.tracked[first:stop, column])
+        if len(rows):
             points = recording.position[rows, column]
             position[tracker] = points.mean(axis=0)
             orientation[tracker] = rotations.mean(recording.orientation[rows, column])
@@ -141,7 +143,7 @@ def find(
     means = {
         pose: [
             mean
-            for mean in (average(by_pose[pose], window, pose) for window in found)
+            for mean in (average(by_pose[pose], window, pose, needed) for window in found)
             if all(name in mean.position for name in needed)
         ]
         for pose, found in stretches.items()
@@ -207,9 +209,10 @@ def _score(means: Sequence[MeanPose], hands: Sequence[str], chest: str, offset: 
         return np.inf, str(error)
     turn = rotations.exp([0.0, 0.0, -heading])
     points = {side: rotations.rotate(turn, value) for side, value in points.items()}
-    score = poses.least_trusted(points)[1].badness + disagreement
+    side, worst = poses.least_trusted(points)
+    score = worst.badness + disagreement
     try:
-        poses.check_arms(points)
+        poses.check_arm(side, worst)
         body = rotations.rotate(turn, still.position[chest])
         arms = [shoulder.fit(side, points, body) for side in SIDES]
     except MotionError as error:
