@@ -160,11 +160,11 @@ def _jump_times(time: Array, position: Array, new: BoolArray) -> Array:
         return np.zeros(0)
     step = np.linalg.norm(np.diff(position[at], axis=0), axis=1)
     lasting = np.diff(time[at])
+    far = np.flatnonzero((step > JUMP_M) & (lasting <= 1.0 / _JUMP_LEAST_RATE_HZ))
     padded = np.pad(step, _AROUND, mode="reflect" if len(step) > _AROUND else "edge")
-    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1)
-    far = (step > JUMP_M) & (lasting <= 1.0 / _JUMP_LEAST_RATE_HZ)
-    odd = (step > JUMP_SPEED_M_S * lasting) | (step > _JUMP_FACTOR * around)
-    return np.asarray(time[at[1:][far & odd]])
+    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)[far], axis=1)
+    odd = (step[far] > JUMP_SPEED_M_S * lasting[far]) | (step[far] > _JUMP_FACTOR * around)
+    return np.asarray(time[at[far[odd] + 1]])
 
 
 def _bridge(

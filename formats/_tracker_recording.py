@@ -138,17 +138,19 @@ def _on_base(
 ) -> tuple[Array, BoolArray, list[tuple[float, float]]]:
     """`values` (N, 3) or quaternions (N, 4) at `time` (T,), where they count as tracked (T,), and the long gaps (start, end) in s."""
     at, known = one.time[measured], values[measured]
+    if np.array_equal(at, time):
+        return known, np.ones(len(time), bool), []
     slack = 1e-3 * one.step_s
     right = np.searchsorted(at, time - slack)
     inside = np.minimum(right, len(at) - 1)
     left = np.maximum(inside - 1, 0)
     hit = (right < len(at)) & (np.abs(at[inside] - time) <= slack)
-    span = at[inside] - at[left]
-    fraction = np.clip((time - at[left]) / np.where(span > 0, span, 1.0), 0.0, 1.0)
-    out = _between(known[left], known[inside], fraction)
-    out[hit] = known[inside][hit]
     outside = ~hit & ((right == 0) | (right == len(at)))
-    out[outside] = known[inside][outside]
+    span = at[inside] - at[left]
+    out = known[inside]
+    inner = np.flatnonzero(~hit & ~outside)
+    before, after = left[inner], inside[inner]
+    out[inner] = _between(known[before], known[after], (time[inner] - at[before]) / span[inner])
     seen = hit | (~outside & (span <= 1.5 * one.step_s + slack))
 
     longest = max(LONGEST_GAP_S, 1.5 * one.step_s) + slack

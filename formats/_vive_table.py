@@ -115,7 +115,7 @@ class Table:
             try:
                 out[:, place] = texts.astype(np.float64)
             except ValueError:
-                row = next(i for i, text in enumerate(texts.tolist()) if not _is_number(text))
+                row = next(i for i, text in enumerate(texts.tolist()) if not is_number(text))
                 raise FormatError(
                     self.name,
                     f"'{_short(texts[row])}' in column '{self.columns[column]}' is no number",
@@ -134,9 +134,9 @@ class Table:
         """Whether a row (N,) is valid by a column of 0 and 1, true and false, words such as "lost", or OpenVR's tracking results."""
         words = np.char.lower(self.words([column])[:, 0])
         kinds, which = np.unique(words, return_inverse=True)
-        numbers = [float(kind) for kind in kinds.tolist() if _is_number(kind)]
+        numbers = [float(kind) for kind in kinds.tolist() if is_number(kind)]
         if numbers and max(numbers) >= _OPENVR_CODES:
-            known = [float(kind) == _OPENVR_RUNNING_OK if _is_number(kind) else None for kind in kinds.tolist()]
+            known = [float(kind) == _OPENVR_RUNNING_OK if is_number(kind) else None for kind in kinds.tolist()]
         elif len(numbers) == len(kinds) and all(0 <= number <= 1 for number in numbers):
             known = [number > 0.5 for number in numbers]  # 1.000000, or the ratio of a mean
         else:
@@ -230,7 +230,8 @@ def _plain(rows: list[str], delimiter: str) -> list[str]:
     return rows
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a cell holds a number, or one of its spellings for none."""
     try:
         float(text)
     except ValueError:

@@ -39,7 +39,7 @@ from retarget.formats._tracker_faults import Samples, usual_step
 from retarget.formats._tracker_recording import Log, build
 from retarget.formats._vive_columns import ColumnsFile, read_columns
 from retarget.formats._vive_layout import Layout, PoseColumns, recognise
-from retarget.formats._vive_table import COMMENTS, DELIMITERS, Table, make_table, read_lines, split
+from retarget.formats._vive_table import COMMENTS, DELIMITERS, Table, is_number, make_table, read_lines, split
 from retarget.formats.base import Format, TrackerOptions
 
 _columns_text = (_vive_columns.__doc__ or "").split("\n", 2)[-1].strip()
@@ -139,11 +139,17 @@ def _by_header(lines: list[str], name: str, warnings: list[str]) -> tuple[Table,
                 f"columns not used: {', '.join(shown)}{' …' if len(header.layout.unused) > len(shown) else ''}"
             )
         return table, header.layout
+    first = next((line for line in lines if line.strip()), "")
+    if any(is_number(cell) for delimiter in DELIMITERS.values() for cell in split(first, delimiter)[:1]):
+        problem, example = "starts with numbers, without a header: their order can't be known", _vive_columns.EXAMPLE
+    else:
+        problem = "no header that names x, y, z and a quaternion's w, x, y, z of a tracker, each once"
+        example = f"{_vive_columns.EXAMPLE_NAMED}; without a header, {_vive_columns.EXAMPLE}"
     raise FormatError(
         name,
-        "no header that names x, y, z and a quaternion's w, x, y, z of a tracker",
-        place=f"line 1 '{_short(lines[0])}'",
-        expected=f"names such as time_s, chest_x … chest_qz, or a columns file (--columns) with {_vive_columns.EXAMPLE}",
+        problem,
+        place=f"line 1 '{_short(first)}'",
+        expected=f"names such as time_s, chest_x … chest_qz, or a columns file (--columns) with lines such as {example}",
     )
 
 
