@@ -79,6 +79,7 @@ def _read(stream: BinaryIO, name: str, options: TrackerOptions) -> Log:
         table, layout = _by_header(lines, name, warnings)
     else:
         table, layout = _by_columns(lines, name, columns, warnings)
+    table.load(layout.columns())
     rate = options.rate_hz or (columns.rate_hz if columns else None)
     time = _time(table, layout, options.rate_hz, rate, warnings)
     samples = _long(table, layout, time, rate) if layout.device is not None else _wide(table, layout, time, rate)
