@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 from retarget import formats
 from retarget.core.errors import FormatError, UnknownNameError, UsageError
+from retarget.core.types import JointTrajectory, TrackerRecording
 from retarget.formats import TrackerOptions
 from scipy.spatial.transform import Rotation
 
@@ -23,7 +26,7 @@ def one_tracker(names: list[str], values: np.ndarray = POSES, **how: str) -> str
     return text(["time_s", *names], np.hstack([TIME[:, None], values]).tolist(), **how)
 
 
-def assert_is(recording: object, values: np.ndarray = POSES, column: int = 0) -> None:
+def assert_is(recording: TrackerRecording, values: np.ndarray = POSES, column: int = 0) -> None:
     np.testing.assert_array_equal(recording.position[:, column], in_house(values[:, :3]))
     turned = Rotation.from_matrix([[0, 0, -1], [-1, 0, 0], [0, 1, 0]]) * rotation(values[:, 3:])
     assert (turned * rotation(recording.orientation[:, column]).inv()).magnitude().max() < 1e-12
@@ -294,7 +297,7 @@ def test_through_a_path_the_suffix_and_the_content_decide(tmp_path: Path) -> Non
         formats.read_trajectory(path)
 
 
-def test_trajectories_are_no_tracker_logs(tmp_path: Path, make_trajectory: object) -> None:
+def test_trajectories_are_no_tracker_logs(tmp_path: Path, make_trajectory: Callable[..., JointTrajectory]) -> None:
     path = tmp_path / "robot.csv"
     formats.write_trajectory(path, make_trajectory())
     assert formats.describe(path)["kind"] == "trajectory"
@@ -308,7 +311,7 @@ def test_facts() -> None:
     values = POSES.copy()
     values[5, 3:] *= 0.5
     content = wide(TIME, waist=values, **{"LHR-2": POSES})
-    found = formats.describe(__import__("io").BytesIO(content.encode()), "log", "vive", TrackerOptions(up="y"))
+    found = formats.describe(io.BytesIO(content.encode()), "log", "vive", TrackerOptions(up="y"))
     assert found["rate_hz"] == pytest.approx(100)
     assert found["duration_s"] == pytest.approx(0.39)
     assert found["segments"] == {"waist": "Pelvis"}

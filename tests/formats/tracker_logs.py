@@ -33,13 +33,13 @@ def poses(position: ArrayLike, turned: Rotation | None = None) -> Array:
     return np.hstack([position, quaternion])
 
 
-def wandering(frames: int, seed: int = 0, rate_hz: float = 100.0) -> Array:
-    """(T, 7): a smooth motion in all six degrees of freedom, a hand's speed."""
+def wandering(frames: int, seed: int = 0, rate_hz: float = 100.0, about: Sequence[float] = (0.1, 1.2, -0.4)) -> Array:
+    """(T, 7): a smooth motion in all six degrees of freedom, a hand's speed, `about` a place with Y up."""
     rng = np.random.default_rng(seed)
     time = np.arange(frames)[:, None] / rate_hz
     phase, angular = rng.uniform(0, 6, (2, 3))
     return poses(
-        [0.1, 1.2, -0.4] + 0.2 * np.sin(2 * time + phase), Rotation.from_rotvec(0.8 * np.cos(1.5 * time + angular))
+        np.array(about) + 0.2 * np.sin(2 * time + phase), Rotation.from_rotvec(0.8 * np.cos(1.5 * time + angular))
     )
 
 
