@@ -35,7 +35,7 @@ import numpy as np
 from retarget.core.errors import FormatError
 from retarget.core.types import Array, TrackerRecording
 from retarget.formats import _vive_columns
-from retarget.formats._tracker_faults import Samples, usual_step
+from retarget.formats._tracker_faults import LATEST_S, Samples, since_first, usual_step
 from retarget.formats._tracker_recording import Log, build
 from retarget.formats._vive_columns import ColumnsFile, read_columns
 from retarget.formats._vive_layout import Layout, PoseColumns, recognise
@@ -47,7 +47,6 @@ __doc__ = (__doc__ or "").replace("__COLUMNS__", "\n".join(f"  {line}".rstrip() 
 
 _HEADER_WITHIN = 50
 _LONGEST_HEADER = 100_000
-_UNIX_TIME_S = 1e8
 _STEPS_S = (1e-4, 2.0)
 """Between these lies the time from row to row of a log, if a column without unit holds seconds."""
 
@@ -204,14 +203,16 @@ def _time(
     if calendar:
         return time
     time = time * (layout.time_s or 1.0)
+    if not (np.abs(time) < LATEST_S).all():
+        return time  # refused below, with the line
     if layout.time_s is None:
         _check_seconds(table, layout, time)
-    return time - time[0] if abs(time[0]) > _UNIX_TIME_S else time
+    return since_first(time)
 
 
 def _check_seconds(table: Table, layout: Layout, time: Array) -> None:
     """Whether a time column without unit can hold seconds."""
-    steps = np.sort(np.unique(time[np.isfinite(time)]))
+    steps = np.sort(np.unique(time))
     step = usual_step(steps)
     if step and not _STEPS_S[0] <= step <= _STEPS_S[1]:
         assert layout.time is not None
