@@ -25,6 +25,9 @@ FROZEN_S = 0.5
 JUMP_M = 0.03
 JUMP_SPEED_M_S = 4.0
 """Fast punches and throws stay below it (hand trackers, 90 Hz)."""
+LATEST_S = 1e30
+"""No clock shows more, in whatever unit."""
+_CALENDAR_S = 1e8
 _JUMP_LEAST_RATE_HZ = 59.0
 _JUMP_FACTOR = 4.0  # a slower jump is one that is so many times the steps around it
 _AROUND = 4
@@ -71,6 +74,12 @@ class Cleaned:
     same_time_rows: int
     jump_times: Array
     frozen: tuple[tuple[float, float], ...]
+
+
+def since_first(time: Array) -> Array:
+    """Times (N,) s as they are, or since the first where they count from a calendar's zero (Unix time), which would cost digits."""
+    calendar = _CALENDAR_S < abs(float(time[0])) < LATEST_S
+    return np.asarray(time - time[0]) if calendar and np.isfinite(time).all() else time
 
 
 def usual_step(time: Array) -> float:
@@ -137,8 +146,9 @@ def clean(samples: Samples, name: str) -> Cleaned:
 def _increasing(samples: Samples, name: str) -> BoolArray:
     """Which rows (N,) have a time later than the row before them; equal ones are left out, the first kept."""
     time = samples.time
-    if not np.isfinite(time).all():
-        at = int(np.argmin(np.isfinite(time)))
+    possible = np.abs(time) < LATEST_S
+    if not possible.all():
+        at = int(np.argmin(possible))
         raise FormatError(name, f"the time is {time[at]}", place=f"line {samples.line[at]}", expected="a finite number")
     steps = np.diff(time)
     if (steps < 0).any():
@@ -160,11 +170,11 @@ def _jump_times(time: Array, position: Array, new: BoolArray) -> Array:
         return np.zeros(0)
     step = np.linalg.norm(np.diff(position[at], axis=0), axis=1)
     lasting = np.diff(time[at])
+    far = np.flatnonzero((step > JUMP_M) & (lasting <= 1.0 / _JUMP_LEAST_RATE_HZ))
     padded = np.pad(step, _AROUND, mode="reflect" if len(step) > _AROUND else "edge")
-    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1)
-    far = (step > JUMP_M) & (lasting <= 1.0 / _JUMP_LEAST_RATE_HZ)
-    odd = (step > JUMP_SPEED_M_S * lasting) | (step > _JUMP_FACTOR * around)
-    return np.asarray(time[at[1:][far & odd]])
+    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)[far], axis=1)
+    odd = (step[far] > JUMP_SPEED_M_S * lasting[far]) | (step[far] > _JUMP_FACTOR * around)
+    return np.asarray(time[at[far[odd] + 1]])
 
 
 def _bridge(

@@ -29,7 +29,8 @@ _OTHER_UP: Mapping[UpAxis, Array] = {"y": np.array([-1.0, 0.0, 0.0]), "z": np.ar
 
 PLANAR = 0.2
 """A motion is in a plane when it spreads across it less than this part of its second largest spread."""
-_LEAST_SPREAD_M = 0.01
+_LEAST_SPREAD_M = 0.03
+_NEAR = np.cos(np.radians(30.0))
 _BELOW_FLOOR_M = -0.25
 _ABOVE_FLOOR_M = (0.0, 2.5)
 
@@ -69,7 +70,7 @@ def doubt_up(position: Array, tracked: BoolArray, up: UpAxis, segments: Sequence
     What decides is the first of these that says anything, as a log has no gravity in it:
     1. Anatomy: of a pair such as head and pelvis the upper one is, in the median, higher along the declared axis, and not by less than
        along the other axis. Wrong only for people who lie, or stand on their hands, most of the time.
-    2. A plane: where motion lies in one plane (`PLANAR`), whose normal is the other axis rather than the declared one. Trackers
+    2. A plane: where motion lies in one plane (`PLANAR`), whose normal is the other axis within 30°, rather than the declared one. Trackers
        on a robot, a cart or a table move so. A person tracked at the hands only, who draws nothing but flat figures on a wall, does not:
        there the warning is false.
     3. The floor: heights well below it along the declared axis, and all above it along the other.
@@ -92,12 +93,13 @@ def doubt_up(position: Array, tracked: BoolArray, up: UpAxis, segments: Sequence
     normal = _plane_normal(seen)
     if normal is not None:
         along, across = abs(float(normal[2])), abs(float(normal @ other_axis))
-        if across > along:
+        if across > _NEAR:
             return (
                 f"up = {up} is unlikely: all motion lies in a plane across {other_name} (within "
                 f"{np.degrees(np.arccos(min(across, 1.0))):.0f}°), as on a floor or a table"
             )
-        return ""
+        if along > _NEAR:
+            return ""
     with np.errstate(invalid="ignore"):
         heights, others = seen[..., 2][tracked], (seen @ other_axis)[tracked]
     if len(heights) and np.quantile(heights, 0.05) < _BELOW_FLOOR_M:

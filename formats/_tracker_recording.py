@@ -138,38 +138,38 @@ def _on_base(
 ) -> tuple[Array, BoolArray, list[tuple[float, float]]]:
     """`values` (N, 3) or quaternions (N, 4) at `time` (T,), where they count as tracked (T,), and the long gaps (start, end) in s."""
     at, known = one.time[measured], values[measured]
-    slack = 1e-3 * one.step_s
-    right = np.searchsorted(at, time - slack)
-    inside = np.minimum(right, len(at) - 1)
-    left = np.maximum(inside - 1, 0)
-    hit = (right < len(at)) & (np.abs(at[inside] - time) <= slack)
-    span = at[inside] - at[left]
-    fraction = np.clip((time - at[left]) / np.where(span > 0, span, 1.0), 0.0, 1.0)
-    out = _between(known[left], known[inside], fraction)
-    out[hit] = known[inside][hit]
-    outside = ~hit & ((right == 0) | (right == len(at)))
-    out[outside] = known[inside][outside]
-    seen = hit | (~outside & (span <= 1.5 * one.step_s + slack))
+    if np.array_equal(at, time):
+        return known, np.ones(len(time), bool), []
+    slack = 1e-3 * one.step_s  # a time this near a row's is that row's: clocks are rounded
+    right = np.searchsorted(at, time)
+    inside, left = np.minimum(right, len(at) - 1), np.maximum(right - 1, 0)
+    out = known[inside]
+    inner = np.flatnonzero((right > 0) & (right < len(at)) & (at[inside] != time))
+    before, after = left[inner], inside[inner]
+    span = at[after] - at[before]
+    out[inner] = _between(known[before], known[after], (time[inner] - at[before]) / span)
+    seen = np.minimum(np.abs(at[inside] - time), np.abs(at[left] - time)) <= slack
+    seen[inner] |= span <= 1.5 * one.step_s + slack
 
     longest = max(LONGEST_GAP_S, 1.5 * one.step_s) + slack
-    gaps = []
-    if at[0] - time[0] > longest:
-        gaps.append((float(time[0]), float(at[0])))
-    gaps += [(float(at[i]), float(at[i + 1])) for i in np.flatnonzero(np.diff(at) > longest)]
-    if time[-1] - at[-1] > longest:
-        gaps.append((float(at[-1]), float(time[-1])))
-    return _hold_and_blend(time, out, seen, gaps, slack), seen, gaps
+    between = [(float(at[i]), float(at[i + 1])) for i in np.flatnonzero(np.diff(at) > longest)]
+    out = _hold_and_blend(time, out, seen, between, slack)
+    ends = [(float(time[0]), float(at[0])), (float(at[-1]), float(time[-1]))]
+    return out, seen, sorted([*between, *((start, end) for start, end in ends if end - start > longest)])
 
 
 def _hold_and_blend(
     time: Array, values: Array, seen: BoolArray, gaps: list[tuple[float, float]], slack: float
 ) -> Array:
-    """`values` with the last pose held over each long gap and blended back after it; `seen` is cleared there, in place."""
+    """`values` with the last pose held over each long gap and blended back after it; `seen` is cleared there, in place.
+
+    gaps: (start, end) in s, of the rows before and after, in their order.
+    """
     out = values
     for start, end in gaps:
         first, back = np.searchsorted(time, [start + slack, end - slack])
         if not 0 < first < back < len(time):
-            continue  # at either end of the recording the nearest pose is held already
+            continue  # between two frames
         held = out[first - 1].copy()
         if out is values:
             out = values.copy()

@@ -42,7 +42,9 @@ from retarget.formats._vive_layout import LENGTHS_M, ONLY_TRACKER, TIMES_S, Layo
 from retarget.formats._vive_table import DELIMITERS
 
 EXAMPLE = "'header = false', 'rate_hz = 90', 'up = \"y\"', 'trackers.chest = {x = 1, y = 2, z = 3, qw = 4, qx = 5, qy = 6, qz = 7}'"
-"""Lines of a columns file, for messages of one line."""
+"""Lines of a columns file for a log without header, for messages of one line."""
+EXAMPLE_NAMED = '\'time = "stamp"\', \'trackers.chest = {x = "px", y = "py", z = "pz", qw = "o4", qx = "o1", qy = "o2", qz = "o3"}\''
+"""The same for a log whose header has other names."""
 
 _TOP = [
     "delimiter",

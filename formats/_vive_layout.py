@@ -61,6 +61,13 @@ class Layout:
     role: int | None = None
     unused: tuple[str, ...] = field(default=())
 
+    def columns(self) -> list[int]:
+        """Places of all columns that can hold numbers."""
+        found = [] if self.time is None else [self.time]
+        for pose in self.trackers.values():
+            found += [*pose.position, *pose.quaternion, *(column for column, _ in pose.valid)]
+        return found
+
 
 _SEPARATORS = r"[\s_.:/|\-]"
 # Where a tracker's name ends: at a separator, or at a capital after a small letter (HeadPosX).

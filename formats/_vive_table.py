@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import hashlib
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+import string
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import BinaryIO
 
@@ -18,6 +19,7 @@ from retarget.formats._byte_chunks import read_chunks
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 COMMENTS = ("#", "%", "//")
+_SUSPECT = frozenset(["", "#", "%", "/", *string.whitespace])
 
 _NOTHING = ("", "nan", "none", "null", "na", "n/a", "-", "--")
 _YES = (
@@ -100,11 +102,24 @@ class Table:
     numbers: NDArray[np.int64]
     delimiter: str
     columns: tuple[str, ...]
+    _numbers: dict[int, Array] = field(default_factory=dict)
+
+    def load(self, columns: Iterable[int]) -> None:
+        """Parse those of the columns that hold numbers in one pass over the text, for `values` and `flags` to find."""
+        cells = self.lines[0].split(self.delimiter)
+        numeric = sorted({column for column in columns if is_number(cells[column].strip())})
+        try:
+            values = self._load(numeric, np.float64) if numeric else np.zeros((0, 0))
+        except ValueError:  # some cell farther down holds none
+            return
+        self._numbers.update(zip(numeric, values.T, strict=False))
 
     def values(self, columns: Sequence[int]) -> Array:
         """Numbers (N, k) of those columns, NaN where a cell is empty. Raises `FormatError` naming a cell that holds none."""
+        if all(column in self._numbers for column in columns):
+            return np.stack([self._numbers[column] for column in columns], axis=1)
         try:
-            return self._load(columns, np.float64)
+            return np.asarray(self._load(columns, np.float64), float)
         except ValueError:  # empty cells, or words: seldom, so a slower way is good enough
             pass
         words = self.words(columns)
@@ -115,7 +130,7 @@ class Table:
             try:
                 out[:, place] = texts.astype(np.float64)
             except ValueError:
-                row = next(i for i, text in enumerate(texts.tolist()) if not _is_number(text))
+                row = next((i for i, text in enumerate(texts.tolist()) if not is_number(text)), 0)
                 raise FormatError(
                     self.name,
                     f"'{_short(texts[row])}' in column '{self.columns[column]}' is no number",
@@ -132,11 +147,14 @@ class Table:
 
     def flags(self, column: int, *, inverted: bool = False) -> BoolArray:
         """Whether a row (N,) is valid by a column of 0 and 1, true and false, words such as "lost", or OpenVR's tracking results."""
-        words = np.char.lower(self.words([column])[:, 0])
-        kinds, which = np.unique(words, return_inverse=True)
-        numbers = [float(kind) for kind in kinds.tolist() if _is_number(kind)]
+        if column in self._numbers:
+            found, which = np.unique(self._numbers[column], return_inverse=True)
+            kinds = found.astype(np.str_)
+        else:
+            kinds, which = np.unique(np.char.lower(self.words([column])[:, 0]), return_inverse=True)
+        numbers = [float(kind) for kind in kinds.tolist() if is_number(kind)]
         if numbers and max(numbers) >= _OPENVR_CODES:
-            known = [float(kind) == _OPENVR_RUNNING_OK if _is_number(kind) else None for kind in kinds.tolist()]
+            known = [float(kind) == _OPENVR_RUNNING_OK if is_number(kind) else None for kind in kinds.tolist()]
         elif len(numbers) == len(kinds) and all(0 <= number <= 1 for number in numbers):
             known = [number > 0.5 for number in numbers]  # 1.000000, or the ratio of a mean
         else:
@@ -145,7 +163,7 @@ class Table:
             row = int(np.argmax(which == known.index(None)))
             raise FormatError(
                 self.name,
-                f"'{_short(words[row])}' in column '{self.columns[column]}' says neither valid nor lost",
+                f"'{_short(str(kinds[which[row]]))}' in column '{self.columns[column]}' says neither valid nor lost",
                 place=f"line {self.numbers[row]}",
                 expected="0 or 1, true or false, valid or lost, or OpenVR's 200 for running",
             )
@@ -188,7 +206,8 @@ def make_table(
     kept = [
         (number, line)
         for number, line in enumerate(lines[first:], first + 1)
-        if line and not line.isspace() and not line.lstrip().startswith(COMMENTS)
+        # Looking at the first character is enough for nearly all rows.
+        if line[:1] not in _SUSPECT or (line.strip() and not line.lstrip().startswith(COMMENTS))
     ]
     if not kept:
         raise FormatError(name, "no rows below the header" if header else "no rows")
@@ -230,7 +249,8 @@ def _plain(rows: list[str], delimiter: str) -> list[str]:
     return rows
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a cell holds a number, or one of its spellings for none."""
     try:
         float(text)
     except ValueError:

@@ -15,13 +15,12 @@ import numpy as np
 from retarget.core.errors import FormatError, UsageError
 from retarget.core.types import TrackerRecording
 from retarget.formats._byte_chunks import read_chunks
-from retarget.formats._tracker_faults import Samples
+from retarget.formats._tracker_faults import Samples, since_first
 from retarget.formats._tracker_recording import Log, build
 from retarget.formats._vive_table import Table
 from retarget.formats.base import Format, TrackerOptions
 
 _CELLS = 10
-_UNIX_TIME_S = 1e8
 
 
 def read_trackers(stream: BinaryIO, name: str, options: TrackerOptions) -> TrackerRecording:
@@ -54,9 +53,7 @@ def _read(stream: BinaryIO, name: str, options: TrackerOptions) -> Log:
         warnings.append(f"{error.problem}: read up to there")
     table = _table(bytes(data), name, warnings)
     names, values = table.words([1])[:, 0], table.values([0, *range(3, _CELLS)])
-    time = values[:, 0]
-    if abs(time[0]) > _UNIX_TIME_S:
-        time = time - time[0]
+    time = since_first(values[:, 0])
     devices, first = np.unique(names, return_index=True)
     samples = []
     for index in np.argsort(first):

@@ -35,11 +35,11 @@ import numpy as np
 from retarget.core.errors import FormatError
 from retarget.core.types import Array, TrackerRecording
 from retarget.formats import _vive_columns
-from retarget.formats._tracker_faults import Samples, usual_step
+from retarget.formats._tracker_faults import LATEST_S, Samples, since_first, usual_step
 from retarget.formats._tracker_recording import Log, build
 from retarget.formats._vive_columns import ColumnsFile, read_columns
 from retarget.formats._vive_layout import Layout, PoseColumns, recognise
-from retarget.formats._vive_table import COMMENTS, DELIMITERS, Table, make_table, read_lines, split
+from retarget.formats._vive_table import COMMENTS, DELIMITERS, Table, is_number, make_table, read_lines, split
 from retarget.formats.base import Format, TrackerOptions
 
 _columns_text = (_vive_columns.__doc__ or "").split("\n", 2)[-1].strip()
@@ -47,7 +47,6 @@ __doc__ = (__doc__ or "").replace("__COLUMNS__", "\n".join(f"  {line}".rstrip() 
 
 _HEADER_WITHIN = 50
 _LONGEST_HEADER = 100_000
-_UNIX_TIME_S = 1e8
 _STEPS_S = (1e-4, 2.0)
 """Between these lies the time from row to row of a log, if a column without unit holds seconds."""
 
@@ -79,6 +78,7 @@ def _read(stream: BinaryIO, name: str, options: TrackerOptions) -> Log:
         table, layout = _by_header(lines, name, warnings)
     else:
         table, layout = _by_columns(lines, name, columns, warnings)
+    table.load(layout.columns())
     rate = options.rate_hz or (columns.rate_hz if columns else None)
     time = _time(table, layout, options.rate_hz, rate, warnings)
     samples = _long(table, layout, time, rate) if layout.device is not None else _wide(table, layout, time, rate)
@@ -139,11 +139,17 @@ def _by_header(lines: list[str], name: str, warnings: list[str]) -> tuple[Table,
                 f"columns not used: {', '.join(shown)}{' …' if len(header.layout.unused) > len(shown) else ''}"
             )
         return table, header.layout
+    first = next((line for line in lines if line.strip()), "")
+    if any(is_number(cell) for delimiter in DELIMITERS.values() for cell in split(first, delimiter)[:1]):
+        problem, example = "starts with numbers, without a header: their order can't be known", _vive_columns.EXAMPLE
+    else:
+        problem = "no header that names x, y, z and a quaternion's w, x, y, z of a tracker, each once"
+        example = f"{_vive_columns.EXAMPLE_NAMED}; without a header, {_vive_columns.EXAMPLE}"
     raise FormatError(
         name,
-        "no header that names x, y, z and a quaternion's w, x, y, z of a tracker",
-        place=f"line 1 '{_short(lines[0])}'",
-        expected=f"names such as time_s, chest_x … chest_qz, or a columns file (--columns) with {_vive_columns.EXAMPLE}",
+        problem,
+        place=f"line 1 '{_short(first)}'",
+        expected=f"names such as time_s, chest_x … chest_qz, or a columns file (--columns) with lines such as {example}",
     )
 
 
@@ -197,14 +203,16 @@ def _time(
     if calendar:
         return time
     time = time * (layout.time_s or 1.0)
+    if not (np.abs(time) < LATEST_S).all():
+        return time  # refused below, with the line
     if layout.time_s is None:
         _check_seconds(table, layout, time)
-    return time - time[0] if abs(time[0]) > _UNIX_TIME_S else time
+    return since_first(time)
 
 
 def _check_seconds(table: Table, layout: Layout, time: Array) -> None:
     """Whether a time column without unit can hold seconds."""
-    steps = np.sort(np.unique(time[np.isfinite(time)]))
+    steps = np.sort(np.unique(time))
     step = usual_step(steps)
     if step and not _STEPS_S[0] <= step <= _STEPS_S[1]:
         assert layout.time is not None
