@@ -104,7 +104,7 @@ def calibrate(
     plan.check_single_files(files, inputs, overwrite=force)
     given = {"still": still, "tpose": tpose, "forward": forward}
     windows = {pose: given[pose] for pose in POSES if given[pose] is not None}
-    calibration = _calibration(inputs, windows, **choices)
+    calibration = _calibration(console, inputs, windows, **choices)
     if picture is not None:
         from retarget.cli import calibration_picture
 
@@ -120,6 +120,7 @@ def calibrate(
 
 
 def _calibration(
+    console: Console,
     inputs: Sequence[str],
     windows: Mapping[str, Any],
     *,
@@ -139,6 +140,10 @@ def _calibration(
     roles = {**(_roles_of(roles_file) if roles_file else {}), **_unique(role, "--roles")}
     options = TrackerOptions(columns=Path(columns) if columns else None, up=up, rate_hz=rate_hz, roles=roles)
     recordings = {path: _read(path, options) for path in dict.fromkeys(inputs)}
+    # Before anything can fail: a wrong axis or a lost tracker explains what follows.
+    for path, recording in recordings.items():
+        for warning in recording.source.warnings:
+            console.warning(warning if len(recordings) == 1 else f"{path}: {warning}")
     by_pose = dict(zip(POSES, (recordings[path] for path in (inputs if len(inputs) == 3 else inputs * 3)), strict=True))
     shown = ", ".join("stdin" if path == PIPE else path for path in dict.fromkeys(inputs))
     try:
@@ -191,7 +196,7 @@ def _unique(pairs: Sequence[tuple[str, str]], where: str) -> dict[str, str]:
 
 
 def _tell(console: Console, calibration: Calibration, output: str) -> None:
-    """What was found, in a few lines."""
+    """What was found, in a few lines; what the reader found has been told."""
     from retarget.core.calibration import POSE_NAMES, POSES, SIDES
 
     windows = ", ".join(

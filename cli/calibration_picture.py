@@ -124,6 +124,9 @@ def _table(calibration: Calibration) -> list[tuple[str, str, str]]:
 
     column("arm length", [f"{arm.length_m:.4f} m" for arm in arms])
     column("angles S–T, T–F, F–S", [", ".join(f"{a:.2f}°" for a in arm.angles_deg) for arm in arms])
-    column("shoulder: ahead, left, up", [", ".join(f"{v:.4f}" for v in arm.shoulder) + " m" for arm in arms])
+    column(
+        "shoulder: ahead, left, up",
+        [", ".join(f"{round(v, 4) + 0.0:.4f}" for v in arm.shoulder) + " m" for arm in arms],
+    )
     column("spread of its estimates", [f"{1000 * np.ptp(arm.offsets_m):.1f} mm" for arm in arms])
     return columns

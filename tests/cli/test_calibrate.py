@@ -21,6 +21,8 @@ from tests.core.calibrate.operators import ROLES, SERIAL, Operator, windows
 Run = Callable[..., Result]
 
 HELD = [f"--{pose}={start:.2f}:{end:.2f}" for pose, (start, end) in windows().items()]
+NOISE_M = 1e-8
+"""Enough for no two rows to be alike, which the reader would warn of."""
 ROLE_OPTIONS = [f"--roles={SERIAL[name]}={name}" for name in ROLES]
 
 
@@ -48,7 +50,7 @@ def person() -> Operator:
 
 @pytest.fixture
 def log(tmp_path: Path, person: Operator) -> Path:
-    return write_log(tmp_path / "poses.csv", person.record(rate_hz=60))
+    return write_log(tmp_path / "poses.csv", person.record(rate_hz=60, noise_m=NOISE_M))
 
 
 def offset_of(person: Operator) -> str:
@@ -83,7 +85,7 @@ def test_nothing_told_but_the_axis(run: Run, log: Path, person: Operator) -> Non
 
 def test_three_files_and_a_table_of_roles(run: Run, tmp_path: Path, person: Operator) -> None:
     files = [
-        write_log(tmp_path / f"{pose}.csv", person.record((pose,), hold_s=2.0, rate_hz=30))
+        write_log(tmp_path / f"{pose}.csv", person.record((pose,), hold_s=2.0, rate_hz=30, noise_m=NOISE_M))
         for pose in ("still", "tpose", "forward")
     ]
     table = tmp_path / "roles.txt"
@@ -156,6 +158,15 @@ def test_usage_errors(run: Run, log: Path, arguments: tuple[str, ...], message: 
     assert result.exit_code == 2
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_what_the_reader_found_comes_first(run: Run, log: Path, person: Operator) -> None:
+    """An axis that can't be right explains why no pose is found."""
+    result = run("calibrate", log, "--up", "y", *ROLE_OPTIONS, *HELD, offset_of(person))
+    assert result.exit_code == 1
+    lines = result.stderr.splitlines()
+    assert any("up = y is unlikely" in line for line in lines[:-1])
+    assert lines[-1].startswith(f"retarget: {log}: ")
 
 
 def test_the_number_of_inputs(run: Run, log: Path) -> None:
