@@ -36,7 +36,11 @@ def formats_page() -> str:
             continue  # another package's format, documented there
         reads = [
             kind
-            for kind, reader in (("motion", format_.read_motion), ("trajectory", format_.read_trajectory))
+            for kind, reader in (
+                ("motion", format_.read_motion),
+                ("trajectory", format_.read_trajectory),
+                ("trackers", format_.read_trackers),
+            )
             if reader
         ]
         styles = ", ".join(format_.styles) if len(format_.styles) > 1 else ""

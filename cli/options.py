@@ -97,6 +97,71 @@ class Shard(_ParamType[tuple[int, int]]):
         return int(first), int(second)
 
 
+class Window(_ParamType[tuple[float, float]]):
+    """`START:END` in seconds."""
+
+    name = "window"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        return "START:END"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
+        if isinstance(value, tuple):
+            return value
+        numbers = _finite(str(value).split(":"))
+        if len(numbers) != 2 or numbers[0] >= numbers[1]:
+            self.fail(f"found '{value}', expected START:END in seconds, for example 2:3.5.", param, ctx)
+        return numbers[0], numbers[1]
+
+
+class Vector(_ParamType[tuple[float, float, float]]):
+    """`X,Y,Z`: three numbers."""
+
+    name = "vector"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        return "X,Y,Z"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float]:
+        if isinstance(value, tuple):
+            return value
+        numbers = _finite(str(value).split(","))
+        if len(numbers) != 3:
+            self.fail(f"found '{value}', expected three numbers X,Y,Z, for example -0.08,0,0.", param, ctx)
+        return numbers[0], numbers[1], numbers[2]
+
+
+class Pair(_ParamType[tuple[str, str]]):
+    """`NAME=VALUE`, neither of them empty; shown as `metavar`."""
+
+    name = "pair"
+
+    def __init__(self, metavar: str) -> None:
+        self.metavar = metavar
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        return self.metavar
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
+        if isinstance(value, tuple):
+            return value
+        name, equals, rest = (part.strip() for part in str(value).partition("="))
+        if not (name and equals and rest):
+            self.fail(f"found '{value}', expected {self.metavar}.", param, ctx)
+        return name, rest
+
+
+def _finite(texts: Iterable[str]) -> list[float]:
+    """The numbers in `texts`; empty when one of them is none, or not finite."""
+    try:
+        numbers = [float(text) for text in texts]
+    except ValueError:
+        return []
+    return numbers if all(math.isfinite(number) for number in numbers) else []
+
+
 def robot_names() -> list[str]:
     """Robots known by name."""
     from retarget import robots

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import string
 import sys
 import tempfile
@@ -162,6 +163,31 @@ def check_outputs(clips: Sequence[Clip], template: str) -> None:
             if folder not in probed:
                 probed.add(folder)
                 _check_folder(folder, may_be_made=path == clip.output and folder != fixed, fixed=fixed)
+
+
+def check_single_files(paths: Sequence[str], inputs: Sequence[str], *, overwrite: bool) -> None:
+    """Raise `UsageError` unless each of `paths` can be written to: no folder, none of `inputs`, not there yet (or `overwrite`), none twice."""
+    taken = {_identity(path): f"the input {path}" for path in inputs if path != PIPE}
+    for path in paths:
+        if (place := _identity(path)) in taken:
+            raise UsageError(f"{path}: would replace {taken[place]}")
+        taken[place] = f"the output {path}"
+        if os.path.lexists(path) and not overwrite and not Path(path).is_dir():
+            raise UsageError(f"{path}: exists; --force replaces it")
+        _check_target(Path(path), overwrite=True)
+        _check_folder(Path(path).parent, may_be_made=False, fixed=Path(path).parent)
+
+
+def write_whole(path: str | Path, data: bytes) -> None:
+    """Write `data` beside `path` and rename it into place: the file appears whole or not at all."""
+    target = Path(os.path.realpath(path))
+    part = target.with_name(f".retarget-{secrets.token_hex(6)}.part")
+    try:
+        part.write_bytes(data)
+        part.replace(target)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def _listed(source: str, *, nul: bool) -> list[str]:

@@ -7,14 +7,15 @@ its origin is fixed in the world where the person's pelvis was in the Still pose
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from retarget.core.errors import InvalidDataError
+from retarget.core.errors import FormatError, InvalidDataError, UsageError, nearest
 from retarget.core.field_checks import FieldSetter, check_segment_names, check_unit, frozen_array
 
 Array = NDArray[np.float64]
@@ -23,7 +24,24 @@ SIDES = ("Left", "Right")
 POSES = ("still", "tpose", "forward")
 """S, T and F of [Lim2022 fig. 3]: arms down, arms out to the sides, arms forward."""
 
+POSE_NAMES = {"still": "Still pose", "tpose": "T-pose", "forward": "Forward pose"}
+"""Pose → what messages call it."""
+
 SCHEMA = "retarget.calibration/1"
+UNITS = "m, rad, s; quaternions wxyz; operator frame: X forward, Y left, Z up"
+
+_ANGLES = ("still_tpose", "tpose_forward", "forward_still")
+_TABLES = (
+    "still_orientation",
+    "trackers",
+    "tracker_rotation",
+    "hand_offset_m",
+    "windows_s",
+    "input_sha256",
+    "residuals",
+)
+_SINGLE = ("origin", "heading_rad", "chest_position", "chest_orientation")
+_ARM = ("hand_points_m", "shoulder_m", "length_m", "angles_deg", "offsets_m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +121,15 @@ class Calibration:
                     check_unit(f"Calibration.{name}[{key}]", value, "a unit quaternion")
             put(name, MappingProxyType(values))
         check_segment_names("Calibration.trackers", self.trackers)
-        for name in ("arms", "trackers", "windows_s", "input_sha256", "residuals"):
+        _check_keys("Calibration.hand_offset_m", self.hand_offset_m, SIDES)
+        _check_keys("Calibration.windows_s", self.windows_s, POSES)
+        windows = {pose: frozen_array(f"Calibration.windows_s[{pose}]", w, (2,)) for pose, w in self.windows_s.items()}
+        put("windows_s", MappingProxyType({pose: (float(w[0]), float(w[1])) for pose, w in windows.items()}))
+        for name, value in self.residuals.items():
+            if not np.isfinite(value):
+                raise InvalidDataError(f"Calibration.residuals[{name}]: found {value}, expected a finite number")
+        put("residuals", MappingProxyType({name: float(value) for name, value in self.residuals.items()}))
+        for name in ("arms", "trackers", "input_sha256"):
             put(name, MappingProxyType(dict(getattr(self, name))))
         put("warnings", tuple(self.warnings))
 
@@ -114,7 +140,7 @@ class Calibration:
                 "hand_points_m": dict(zip(POSES, arm.hand_points.tolist(), strict=True)),
                 "shoulder_m": arm.shoulder.tolist(),
                 "length_m": arm.length_m,
-                "angles_deg": dict(zip(("still_tpose", "tpose_forward", "forward_still"), arm.angles_deg, strict=True)),
+                "angles_deg": dict(zip(_ANGLES, arm.angles_deg, strict=True)),
                 "offsets_m": list(arm.offsets_m),
             }
             for side, arm in self.arms.items()
@@ -124,19 +150,11 @@ class Calibration:
                 key: value.tolist() if isinstance(value, np.ndarray) else value
                 for key, value in getattr(self, name).items()
             }
-            for name in (
-                "still_orientation",
-                "trackers",
-                "tracker_rotation",
-                "hand_offset_m",
-                "windows_s",
-                "input_sha256",
-                "residuals",
-            )
+            for name in _TABLES
         }
         record: dict[str, Any] = {
             "schema": SCHEMA,
-            "units": "m, rad, s; quaternions wxyz; operator frame: X forward, Y left, Z up",
+            "units": UNITS,
             "arms": arms,
             "origin": self.origin.tolist(),
             "heading_rad": self.heading_rad,
@@ -146,3 +164,115 @@ class Calibration:
             "warnings": list(self.warnings),
         }
         return json.dumps(record, indent=2, allow_nan=False) + "\n"
+
+
+def from_json(text: str, name: str = "calibration") -> Calibration:
+    """The calibration that `Calibration.to_json` wrote as `text`; `name` is what messages call the file.
+
+    Raises `FormatError` for text that is no JSON, has another schema, lacks a key, has one too many, or holds a value that a
+    calibration can't have; the place in the file stands in the message.
+    """
+
+    def refuse_constant(constant: str) -> NoReturn:
+        raise FormatError(name, f"found {constant}", expected="finite numbers")
+
+    try:
+        record = json.loads(text, parse_constant=refuse_constant)
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno} column {error.colno}"
+        raise FormatError(name, f"not JSON ({error.msg})", place=place, expected="a calibration") from None
+    except RecursionError:
+        raise FormatError(name, "nested too deeply", expected="a calibration") from None
+    if not isinstance(record, dict) or record.get("schema") != SCHEMA:
+        found = (
+            f"schema {json.dumps(record['schema'])}" if isinstance(record, dict) and "schema" in record else "no schema"
+        )
+        raise FormatError(name, found, expected=f'"schema": "{SCHEMA}", as `retarget calibrate` writes it')
+    _table(name, "", record, ("schema", "units", "arms", *_SINGLE, *_TABLES, "warnings"))
+    _table(name, "arms", record["arms"], SIDES)
+    try:
+        arms = {side: _arm(name, f"arms.{side}", record["arms"][side]) for side in SIDES}
+        for key in _TABLES:
+            if not isinstance(record[key], dict):
+                raise FormatError(name, f"found {_shown(record[key])}", place=key, expected="an object")
+        for key in ("trackers", "input_sha256"):
+            _texts(name, key, record[key].values())
+        _numbers(name, "heading_rad", [record["heading_rad"]])
+        _numbers(name, "residuals", record["residuals"].values())
+        if not isinstance(record["warnings"], list):
+            raise FormatError(name, f"found {_shown(record['warnings'])}", place="warnings", expected="a list")
+        _texts(name, "warnings", record["warnings"])
+        return Calibration(
+            arms=arms, warnings=tuple(record["warnings"]), **{key: record[key] for key in (*_SINGLE, *_TABLES)}
+        )
+    except InvalidDataError as error:
+        raise FormatError(name, str(error)) from None
+
+
+def load(path: str | Path) -> Calibration:
+    """The calibration in the JSON file `path`. Raises `UsageError` for a path that can't be opened, `FormatError` as `from_json`."""
+    try:
+        return from_json(Path(path).read_text(encoding="utf-8-sig"), str(path))
+    except FileNotFoundError:
+        near = nearest(Path(path).name, [f.name for f in Path(path).parent.glob("*.json")])
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise UsageError(f"{path}: no such file{hint}") from None
+    except UnicodeDecodeError:
+        raise FormatError(path, "not text", expected="a calibration in JSON") from None
+    except IsADirectoryError:
+        raise UsageError(f"{path}: is a directory; expected a calibration in JSON") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror.lower() if isinstance(error, OSError) and error.strerror else str(error)
+        raise UsageError(f"{path}: {reason}") from None
+
+
+def _arm(name: str, place: str, record: Any) -> ArmCalibration:
+    _table(name, place, record, _ARM)
+    _table(name, f"{place}.hand_points_m", record["hand_points_m"], POSES)
+    _table(name, f"{place}.angles_deg", record["angles_deg"], _ANGLES)
+    _numbers(name, f"{place}.length_m", [record["length_m"]])
+    try:
+        return ArmCalibration(
+            hand_points=[record["hand_points_m"][pose] for pose in POSES],  # type: ignore[arg-type]  # checked and frozen there
+            shoulder=record["shoulder_m"],
+            length_m=float(record["length_m"]),
+            angles_deg=[record["angles_deg"][pair] for pair in _ANGLES],  # type: ignore[arg-type]  # likewise
+            offsets_m=record["offsets_m"],
+        )
+    except InvalidDataError as error:
+        raise FormatError(name, str(error), place=place) from None
+
+
+def _table(name: str, place: str, record: Any, keys: Iterable[str]) -> None:
+    """`record` is an object with exactly these keys."""
+    keys = tuple(keys)
+    if not isinstance(record, dict):
+        raise FormatError(name, f"found {_shown(record)}", place=place, expected=f"an object with {', '.join(keys)}")
+    if unknown := [key for key in record if key not in keys]:
+        near = nearest(unknown[0], keys)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"one of {', '.join(keys)}"
+        raise FormatError(name, f"unknown key '{unknown[0]}'", place=place, expected=hint)
+    if missing := [key for key in keys if key not in record]:
+        raise FormatError(name, f"no key '{missing[0]}'", place=place, expected=f"all of {', '.join(keys)}")
+
+
+def _numbers(name: str, place: str, values: Iterable[Any]) -> None:
+    for value in values:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise FormatError(name, f"found {_shown(value)}", place=place, expected="a number")
+
+
+def _texts(name: str, place: str, values: Iterable[Any]) -> None:
+    for value in values:
+        if not isinstance(value, str):
+            raise FormatError(name, f"found {_shown(value)}", place=place, expected="text")
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _check_keys(field: str, table: Mapping[str, Any], keys: tuple[str, ...]) -> None:
+    if unknown := [key for key in table if key not in keys]:
+        raise InvalidDataError(f"{field}: found '{unknown[0]}', expected {', '.join(keys)}")

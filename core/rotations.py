@@ -130,6 +130,17 @@ def make_continuous(quaternion: ArrayLike) -> Array:
     return q
 
 
+def mean(quaternion: ArrayLike) -> Array:
+    """The mean rotation (4,), w ≥ 0, of unit quaternions (N, 4), whose signs don't matter.
+
+    The rotation with the least sum of squared chordal distances to all: the eigenvector of Σ q qᵀ with the largest eigenvalue
+    [Markley2007 eq. 13].
+    """
+    q = np.asarray(quaternion, float)
+    unit = np.linalg.eigh(q.T @ q)[1][:, -1]
+    return np.asarray(-unit if unit[0] < 0 else unit)
+
+
 def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
     """Shortest-arc interpolation from `start` to `end` (..., 4) at `fraction` (...), 0 → start, 1 → end."""
     a, b = np.asarray(start, float), np.asarray(end, float)

@@ -10,21 +10,24 @@ from collections.abc import Mapping
 from typing import Any
 
 from retarget.core.errors import FormatError, InvalidDataError, UsageError
-from retarget.core.types import HumanMotion, JointTrajectory
+from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
 from retarget.formats._describe import motion_facts, trajectory_facts
 from retarget.formats._input import Input, opened
 from retarget.formats._output import write_trajectory, write_trajectory_stream
 from retarget.formats._registry import available, detect, get, names
-from retarget.formats.base import Format
+from retarget.formats.base import Format, TrackerOptions
 
 __all__ = [
     "Format",
+    "TrackerOptions",
     "available",
     "describe",
     "detect",
     "get",
     "names",
     "read_motion",
+    "read_recording",
+    "read_trackers",
     "read_trajectory",
     "write_trajectory",
     "write_trajectory_stream",
@@ -37,10 +40,10 @@ def read_motion(source: Input, name: str | None = None, format: str | None = Non
     name: what messages call it (default: the path). format: its name, when suffix and content don't tell.
     Raises `UsageError` for a path that can't be opened and a file that holds no motion, `FormatError` for content that can't be read.
     """
-    with opened(source, name, format) as (stream, shown, found):
+    with opened(source, name, format, "read_motion") as (stream, shown, found):
         if found.read_motion is None:
             raise UsageError(
-                f"{shown}: {found.name} holds robot trajectories, not recorded motion; expected one of {_readers('motion')}"
+                f"{shown}: {found.name} holds {_content(found)}, not recorded motion; expected one of {_readers('motion')}"
             )
         try:
             return found.read_motion(stream, shown)
@@ -50,10 +53,10 @@ def read_motion(source: Input, name: str | None = None, format: str | None = Non
 
 def read_trajectory(source: Input, name: str | None = None, format: str | None = None) -> JointTrajectory:
     """The robot trajectory in `source`; arguments and errors as those of `read_motion`."""
-    with opened(source, name, format) as (stream, shown, found):
+    with opened(source, name, format, "read_trajectory") as (stream, shown, found):
         if found.read_trajectory is None:
             raise UsageError(
-                f"{shown}: {found.name} holds recorded motion, not a robot trajectory; expected one of {_readers('trajectory')}"
+                f"{shown}: {found.name} holds {_content(found)}, not a robot trajectory; expected one of {_readers('trajectory')}"
             )
         try:
             return found.read_trajectory(stream, shown)
@@ -61,10 +64,48 @@ def read_trajectory(source: Input, name: str | None = None, format: str | None =
             raise FormatError(shown, str(error)) from error
 
 
-def describe(source: Input, name: str | None = None, format: str | None = None) -> Mapping[str, Any]:
-    """JSON-able facts of a file, for `retarget info`; arguments and errors as those of `read_motion`."""
-    with opened(source, name, format) as (stream, shown, found):
+def read_trackers(
+    source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
+) -> TrackerRecording:
+    """The poses of tracked devices in `source`; arguments and errors as those of `read_motion`, `options` what the file doesn't say."""
+    with opened(source, name, format, "read_trackers") as (stream, shown, found):
+        if found.read_trackers is None:
+            raise UsageError(
+                f"{shown}: {found.name} holds {_content(found)}, not poses of trackers; expected one of {_readers('trackers')}"
+            )
         try:
+            return found.read_trackers(stream, shown, options or TrackerOptions())
+        except InvalidDataError as error:
+            raise FormatError(shown, str(error)) from error
+
+
+def read_recording(
+    source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
+) -> HumanMotion | TrackerRecording:
+    """What `source` recorded of a person: a motion of segments, or poses of trackers, as its format holds; errors as those of `read_trackers`."""
+    with opened(source, name, format, "read_trackers") as (stream, shown, found):
+        try:
+            if found.read_trackers is not None:
+                return found.read_trackers(stream, shown, options or TrackerOptions())
+            if found.read_motion is not None:
+                return found.read_motion(stream, shown)
+        except InvalidDataError as error:
+            raise FormatError(shown, str(error)) from error
+    raise UsageError(
+        f"{shown}: {found.name} holds {_content(found)}, not a person's motion; expected one of {_readers('trackers')}, {_readers('motion')}"
+    )
+
+
+def describe(
+    source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
+) -> Mapping[str, Any]:
+    """JSON-able facts of a file, for `retarget info`; arguments and errors as those of `read_trackers`."""
+    # A columns file is given for tracker logs only: it decides between formats that share a suffix.
+    wanted = "read_trackers" if options is not None and options.columns is not None else ""
+    with opened(source, name, format, wanted) as (stream, shown, found):
+        try:
+            if found.describe_trackers is not None:
+                return found.describe_trackers(stream, shown, options or TrackerOptions())
             if found.describe is not None:
                 return found.describe(stream, shown)
             if found.read_trajectory is not None:
@@ -74,6 +115,13 @@ def describe(source: Input, name: str | None = None, format: str | None = None) 
         except InvalidDataError as error:
             raise FormatError(shown, str(error)) from error
     raise UsageError(f"{shown}: {found.name} can only be written")
+
+
+def _content(format_: Format) -> str:
+    """What files of a format hold, in words."""
+    if format_.read_motion is not None:
+        return "recorded motion"
+    return "poses of trackers" if format_.read_trackers is not None else "robot trajectories"
 
 
 def _readers(kind: str) -> str:

@@ -20,8 +20,13 @@ _HEAD = 512
 
 
 @contextmanager
-def opened(source: Input, name: str | None, format: str | None) -> Iterator[tuple[BinaryIO, str, Format]]:
-    """The open stream, its display name and its format. Streams given by the caller are left open."""
+def opened(
+    source: Input, name: str | None, format: str | None, reader: str = ""
+) -> Iterator[tuple[BinaryIO, str, Format]]:
+    """The open stream, its display name and its format. Streams given by the caller are left open.
+
+    reader: the `Format` function wanted of it, which chooses between formats that share a suffix and both can't say.
+    """
     with contextlib.ExitStack() as stack:
         if isinstance(source, str | Path):
             name = name or str(source)
@@ -33,7 +38,7 @@ def opened(source: Input, name: str | None, format: str | None) -> Iterator[tupl
         head, stream = _peek(stream, name)
         if not head:
             raise FormatError(name, "empty file")
-        found = _registry.get(format) if format else _registry.detect(where, head)
+        found = _registry.get(format) if format else _registry.detect(where, head, reader)
         if not found.pipeable and not stream.seekable():
             raise UsageError(f"{name}: {found.name} can't be read from a pipe; save it to a file and name that")
         try:

@@ -49,19 +49,25 @@ def available() -> dict[str, Format]:
     return dict(sorted(found.items()))
 
 
-def detect(path: str | Path, head: bytes) -> Format:
+def detect(path: str | Path, head: bytes, reader: str = "") -> Format:
     """The format of a file: by its suffix, else by the magic bytes that `head`, its first bytes, starts with.
 
+    Of formats that share the suffix it is the one that recognises `head`, else the one that has `reader` ("read_trackers" …).
     Raises `FormatError` when the suffix is one format's but the content starts as another's, and when nothing matches;
     the latter names the readable suffixes and the nearest.
     """
     formats = available()
-    by_suffix = of_suffix(path, formats)
+    by_suffix = _chosen(_of_suffix(path, formats), head, reader)
     if by_suffix is not None and (not by_suffix.magic or _starts(head, by_suffix)):
         return by_suffix
     by_magic = next((f for f in formats.values() if _starts(head, f)), None)
     if by_suffix is None and by_magic is None:
-        readable = {suffix for f in formats.values() if f.read_motion or f.read_trajectory for suffix in f.suffixes}
+        readable = {
+            suffix
+            for f in formats.values()
+            if f.read_motion or f.read_trajectory or f.read_trackers
+            for suffix in f.suffixes
+        }
         found = f"unknown suffix '{Path(path).suffix}'" if Path(path).suffix else "no suffix"
         near = nearest(Path(path).suffix, readable)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
@@ -80,10 +86,28 @@ def detect(path: str | Path, head: bytes) -> Format:
 
 
 def of_suffix(path: str | Path, formats: dict[str, Format] | None = None) -> Format | None:
-    """The format whose suffix the file name ends with, the longest suffix winning; None when there is none."""
+    """The format whose suffix the file name ends with, the longest suffix winning; None when there is none.
+
+    Of several that share the suffix it is the one that can be written.
+    """
+    return _chosen(_of_suffix(path, formats or available()), b"", "write_trajectory")
+
+
+def _of_suffix(path: str | Path, formats: dict[str, Format]) -> list[Format]:
+    """The formats with the longest suffix that the file name ends with."""
     lower = Path(path).name.lower()
-    pairs = [(len(s), f) for f in (formats or available()).values() for s in f.suffixes if lower.endswith(s)]
-    return max(pairs, key=lambda pair: pair[0])[1] if pairs else None
+    pairs = [(len(s), f) for f in formats.values() for s in f.suffixes if lower.endswith(s)]
+    longest = max((length for length, _ in pairs), default=0)
+    return [format_ for length, format_ in pairs if length == longest]
+
+
+def _chosen(sharing: list[Format], head: bytes, reader: str) -> Format | None:
+    if len(sharing) < 2:
+        return sharing[0] if sharing else None
+    for format_ in sharing:
+        if format_.recognises is not None and format_.recognises(head):
+            return format_
+    return next((format_ for format_ in sharing if getattr(format_, reader, None)), sharing[0])
 
 
 def _starts(head: bytes, format_: Format) -> bool:

@@ -1,4 +1,4 @@
-"""What one file format is to the house: a name, how to know its files, and up to three functions.
+"""What one file format is to the house: a name, how to know its files, and a few functions.
 
 Each format lives in one file of this folder and exposes one `FORMAT`. Readers and writers get an open binary stream and a display
 name for messages; opening, renaming into place, decompression by suffix and pipes are done once, in `formats/__init__.py`.
@@ -8,12 +8,48 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, BinaryIO
+from pathlib import Path
+from typing import Any, BinaryIO, Literal
 
-from retarget.core.types import HumanMotion, JointTrajectory
+from retarget.core.errors import UsageError, nearest
+from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
+
+UpAxis = Literal["y", "z"]
+Handedness = Literal["right", "left"]
+
+
+@dataclass(frozen=True)
+class TrackerOptions:
+    """What a tracker log doesn't say of itself. None = not given: the columns file's own word, then the format's stated default, holds.
+
+    columns: which column is what, a TOML file or its content (`formats/vive.py` documents it); None = the header's names tell.
+    up: the file's vertical axis. handedness: of the file's axes; "left" is mirrored before anything else.
+    rate_hz: frames a second, of files without a time column.
+    roles: tracker, as the file names it → canonical segment, role ("left_elbow", "waist" …), or "none"; goes before the file's own roles.
+
+    Raises `UsageError` for values that are none of these.
+    """
+
+    columns: Path | Mapping[str, Any] | None = None
+    up: UpAxis | None = None
+    rate_hz: float | None = None
+    roles: Mapping[str, str] = field(default_factory=dict)
+    handedness: Handedness | None = None
+
+    def __post_init__(self) -> None:
+        for name, value, choices in (("up", self.up, ("y", "z")), ("handedness", self.handedness, ("right", "left"))):
+            if value is not None and value not in choices:
+                near = nearest(str(value), choices)
+                hint = f"; did you mean {near[0]}?" if near else ""
+                raise UsageError(f"{name}: found '{value}', expected {' or '.join(choices)}{hint}")
+        if self.rate_hz is not None and not 0 < self.rate_hz < 1e6:
+            raise UsageError(f"rate {self.rate_hz:g} Hz; expected a positive number below a million")
+
 
 MotionReader = Callable[[BinaryIO, str], HumanMotion]
 TrajectoryReader = Callable[[BinaryIO, str], JointTrajectory]
+TrackerReader = Callable[[BinaryIO, str, TrackerOptions], TrackerRecording]
+TrackerDescriber = Callable[[BinaryIO, str, TrackerOptions], Mapping[str, Any]]
 TrajectoryWriter = Callable[[BinaryIO, JointTrajectory, str], None]
 Describer = Callable[[BinaryIO, str], Mapping[str, Any]]
 
@@ -22,9 +58,13 @@ Describer = Callable[[BinaryIO, str], Mapping[str, Any]]
 class Format:
     """One file format.
 
-    suffixes: lower case, longest first where one ends with another (".mvnx.gz" before ".gz").
+    suffixes: lower case, longest first where one ends with another (".mvnx.gz" before ".gz"). Formats may share one, if they can
+    recognise their own files.
     magic: byte strings of which a file starts with one, for files whose suffix tells nothing; empty = no magic.
+    recognises: whether a file that starts with these bytes is of this format, asked where a suffix is shared; None = can't say.
     read_motion, read_trajectory: (binary stream, display name) → type; None = this format doesn't hold that.
+    read_trackers: (binary stream, display name, options) → poses of devices that are nobody's segments yet.
+    describe_trackers: as `describe`, for formats with `read_trackers`.
     write_trajectory: (binary stream, trajectory, style) → nothing.
     describe: (binary stream, display name) → facts for `retarget info`, cheaper than a full read; None = from a full read.
     pipeable: whether it can be written to and read from a stream that can't seek.
@@ -35,9 +75,12 @@ class Format:
     description: str
     suffixes: tuple[str, ...]
     magic: tuple[bytes, ...] = ()
+    recognises: Callable[[bytes], bool] | None = None
     read_motion: MotionReader | None = None
     read_trajectory: TrajectoryReader | None = None
+    read_trackers: TrackerReader | None = None
     write_trajectory: TrajectoryWriter | None = None
+    describe_trackers: TrackerDescriber | None = None
     describe: Describer | None = None
     pipeable: bool = False
     styles: tuple[str, ...] = field(default=("default",))

@@ -167,6 +167,14 @@ def _parse(text: Iterable[str], name: str) -> tuple[list[str], Array]:
     return header, values
 
 
+def recognises(head: bytes) -> bool:
+    """Whether a file that starts with `head` has this format's header: a `time_s` and joint angles or velocities."""
+    first = head.decode("utf-8-sig", "replace").split("\n", 1)[0]
+    cells = [cell.strip('"\r ') for cell in first.split(",")]
+    joints = any(cell.startswith("q_") and cell.endswith("_rad") for cell in cells)
+    return "time_s" in cells and (joints or any(cell.startswith("dq_") and cell.endswith("_rad_s") for cell in cells))
+
+
 def _is_number(cell: str) -> bool:
     try:
         float(cell)
@@ -205,6 +213,7 @@ FORMAT = Format(
     name="csv",
     description="CSV with a header naming each column and unit; style unitree: no header, quaternion xyzw",
     suffixes=(".csv",),
+    recognises=recognises,
     read_trajectory=read_trajectory,
     write_trajectory=write_trajectory,
     pipeable=True,

@@ -314,3 +314,17 @@ class TestShortestArc:
         q = rotations.shortest_arc(-Y, ends)
         assert q.shape == (40, 4)
         assert rotations.vector_angle(rotations.rotate(q, -Y), ends).max() < 1e-14
+
+
+class TestMean:
+    def test_is_scipys_mean_whatever_the_signs(self) -> None:
+        rng = np.random.default_rng(7)
+        for spread in (0.0, 0.02, 0.5):
+            turns = Rotation.random(random_state=rng) * Rotation.from_rotvec(rng.normal(0, spread, (50, 3)))
+            signed = np.roll(turns.as_quat(), 1, axis=-1) * rng.choice([-1.0, 1.0], (50, 1))
+            found = rotations.mean(signed)
+            assert found[0] >= 0
+            assert (scipy(found) * turns.mean().inv()).magnitude() < 1e-12
+
+    def test_of_two_is_the_middle(self) -> None:
+        assert rotations.mean([turn(Z, 10), turn(Z, 50)]) == pytest.approx(turn(Z, 30), abs=1e-15)

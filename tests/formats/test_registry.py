@@ -32,13 +32,41 @@ def test_listing_and_detecting_import_nothing_heavy(call: str) -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-def test_every_format_is_called_as_its_module_and_no_suffix_has_two() -> None:
+def test_every_format_is_called_as_its_module_and_who_shares_a_suffix_knows_its_own() -> None:
     found = formats.available()
     assert all(name == format_.name for name, format_ in found.items())
     suffixes = [suffix for format_ in found.values() for suffix in format_.suffixes]
-    assert len(suffixes) == len(set(suffixes))
     assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in suffixes)
-    assert all(f.read_motion or f.read_trajectory or f.write_trajectory for f in found.values())
+    assert all(f.read_motion or f.read_trajectory or f.read_trackers or f.write_trajectory for f in found.values())
+    for suffix in {suffix for suffix in suffixes if suffixes.count(suffix) > 1}:
+        sharing = [f for f in found.values() if suffix in f.suffixes]
+        assert all(f.recognises is not None and not f.recognises(b"") for f in sharing)
+        assert sum(f.write_trajectory is not None for f in sharing) <= 1
+
+
+@pytest.mark.parametrize(
+    ("head", "reader", "name"),
+    [
+        (b"time_s,base_x_m,base_y_m,base_z_m,base_qw,base_qx,base_qy,base_qz,q_knee_rad,status\n0,0", "", "csv"),
+        (b"\xef\xbb\xbftime_s,q_knee_rad,dq_knee_rad_s,status\n", "read_trackers", "csv"),
+        (b"time_s,waist_x,waist_y,waist_z,waist_qw,waist_qx,waist_qy,waist_qz\n0,0", "", "vive"),
+        (b"time_s,waist_x,waist_y,waist_z,waist_qw,waist_qx,waist_qy,waist_qz\n0,0", "read_trajectory", "vive"),
+        (b"# made by hand\ntime;device;x;y;z;qx;qy;qz;qw\n", "", "vive"),
+        (b"1,2,3,4,5,6,7\n", "read_trackers", "vive"),
+        (b"1,2,3,4,5,6,7\n", "read_trajectory", "csv"),
+        (b"1,2,3,4,5,6,7\n", "", "csv"),
+    ],
+)
+def test_content_decides_between_trajectories_and_tracker_logs_of_one_suffix(
+    head: bytes, reader: str, name: str
+) -> None:
+    assert formats.detect("walk.csv", head, reader).name == name
+
+
+def test_a_shared_suffix_is_written_by_the_format_that_can() -> None:
+    found = _registry.of_suffix("walk.csv")
+    assert found is not None
+    assert found.name == "csv"
 
 
 @pytest.mark.parametrize(
