@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
 import numpy as np
-from numpy.typing import NDArray
 from retarget.core import rotations
 from retarget.core.errors import SolverError
 from retarget.core.kinematics import Poses
@@ -35,7 +34,7 @@ Progress = Callable[[int, int], None]
 CHUNK = 64
 """Frames between two calls of the progress function."""
 
-FIRST_STEP_RAD, STANDING_RAD = 0.1, 1e-7
+FIRST_STEP_RAD, STANDING_RAD = 0.1, 2e-6
 """Longest step of a joint on the way to the first frame, and the step below which it has arrived."""
 
 FREE = 1e30
@@ -166,7 +165,7 @@ class HierarchicalSolver:
         unhurried = np.full(len(speed), FIRST_STEP_RAD / self._first_step_s)
         self._unhurried = VelocityLimits(model, self.columns, len(hands), unhurried, FREE, np.full(6, FREE))
         self._cascade = Cascade(self.levels, self.level_rows, self.limits.speed)
-        self._added_inertia = np.diag(
+        self.added_inertia = np.diag(
             [
                 hierarchy.inertia_diagonal
                 + sum(
@@ -198,7 +197,7 @@ class HierarchicalSolver:
             self.rows.jacobian,
             self.rows.command,
             self.weight[frame],
-            self.rows.inertia + self._added_inertia,
+            self.rows.inertia + self.added_inertia,
             limits.lower,
             limits.upper,
             np.concatenate([self.rows.hand_rows, limits.coupled]),

@@ -12,6 +12,7 @@ so that all rows of all tasks are one matrix product with pinocchio's Jacobian.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ class TaskRows:
         self._model, self._pin, self._data = model.pin_model, pin, model.pin_model.createData()
         starts = np.concatenate([[0], np.cumsum([ROWS_OF[task.kind] for task in tasks])]).astype(int)
         count = int(starts[-1])
-        self.slices = [slice(int(a), int(b)) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+        self.slices = [slice(int(a), int(b)) for a, b in pairwise(starts)]
         velocity_columns = columns + (model.pin_model.nv - len(model.joint_names))
         self._columns = velocity_columns
         # CRBA promises the upper triangle only.
