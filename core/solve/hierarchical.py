@@ -147,6 +147,7 @@ class HierarchicalSolver:
         self.tasks = sorted_tasks(targets, model, self.columns)
         self.levels = priorities(self.tasks, model)
         hierarchy, hands = model.profile.hierarchy, hand_points(self.tasks, model)
+        self._standing = model.configuration(model.reference_posture)
         self._samples = TaskSamples(self.tasks, model)
         gains = np.array([task.gain or options.gain_1_s for task in self.tasks])
         # With one over the step as gain the error is gone after it; with more it swings over.
@@ -191,7 +192,7 @@ class HierarchicalSolver:
         frame: whose task weights count. before: (c,) the step before's velocities. The rows stay in `rows` until the next step.
         """
         limits = limits or self.limits
-        self.rows.linearise(self._model.configuration(joints), wanted)
+        self.rows.linearise(self._configuration(joints), wanted)
         limits.update(joints, step_s)
         return self._cascade.solve(
             self.rows.jacobian,
@@ -251,6 +252,12 @@ class HierarchicalSolver:
         lacking = (self.rows.jacobian @ velocity - self.rows.command) * np.sqrt(self.weight[frame])
         return np.array([np.linalg.norm(lacking[rows]) for rows in self.level_rows])
 
+    def _configuration(self, joints: Array) -> Array:
+        """pinocchio's q of `joints` (n,), the base standing still."""
+        q = self._standing.copy()
+        q[-len(joints) :] = joints
+        return q
+
     def _moved(self, joints: Array, step: Array) -> Array:
         after = joints.copy()
         after[self.columns] += step
@@ -262,12 +269,12 @@ class HierarchicalSolver:
         Every control step did; what turns while it moves may leave a box on the whole by a little. Limits on joints are convex: on
         part of the way they hold as on all of it.
         """
-        turn, point = self.rows.hand_poses(self._model.configuration(start))
+        turn, point = self.rows.hand_poses(self._configuration(start))
         if not len(point):
             return 1.0
         share = 1.0
         for _ in range(20):
-            turned, moved = self.rows.hand_poses(self._model.configuration(start + share * (end - start)))
+            turned, moved = self.rows.hand_poses(self._configuration(start + share * (end - start)))
             turns = rotations.log(rotations.from_matrix(turned @ turn.transpose(0, 2, 1)))
             rates = np.abs(np.concatenate([moved - point, turns], axis=1)) / duration
             excess = float((rates / self.limits.hand_box).max())
