@@ -207,18 +207,23 @@ class HierarchicalSolver:
         )
 
     def start(self) -> tuple[Array, int, bool]:
-        """The joints (n,) that meet the first frame's targets, found from the reference posture, the steps it took, and whether they stand."""
-        model, step_s, still = self._model, self._first_step_s, np.zeros(len(self.columns))
+        """The joints (n,) that meet the first frame's targets, found from the reference posture, the steps it took, and whether they stand.
+
+        Where targets can't be met, full steps may swing about the answer for ever: they are shortened while they turn back.
+        """
+        model, step_s = self._model, self._first_step_s
         joints = nearest_feasible(model.reference_posture, model.lower, model.upper, coupled_rows(model))
-        wanted = self._samples.at(0).standing()
+        wanted, still = self._samples.at(0).standing(), np.zeros(len(self.columns))
+        last, share = still, 1.0
         for count in range(1, self._options.first_steps + 1):
             found = self.step(joints, wanted, 0, still, step_s, self._unhurried)
             if found.failed == 0:
                 raise SolverError(
                     f"the first frame can't be solved for robot '{model.profile.name}': its first QP fails"
                 )
-            joints = self._moved(joints, found.velocity * step_s)
-            if np.abs(found.velocity).max() * step_s <= STANDING_RAD:
+            share = 0.5 * share if found.velocity @ last < 0.0 else min(1.2 * share, 1.0)
+            joints, last = self._moved(joints, found.velocity * (share * step_s)), found.velocity
+            if np.abs(last).max() * share * step_s <= STANDING_RAD:
                 return joints, count, True
         return joints, self._options.first_steps, False
 

@@ -38,7 +38,9 @@ def paper_targets(
         value = rotations.make_continuous(rotations.from_matrix(turn))
         rate = rotations.angular_velocity(time, value)
 
-        def pointing(axis: int, level: int, gain: float, link: str = link, turn: Array = turn, rate: Array = rate) -> Task:
+        def pointing(
+            axis: int, level: int, gain: float, link: str = link, turn: Array = turn, rate: Array = rate
+        ) -> Task:
             return Task(link, "axis", turn[:, :, axis], rate, level=level, gain=gain, axis=np.eye(3)[axis])
 
         if segment == "T8":
@@ -55,7 +57,9 @@ def paper_targets(
     return Targets(time, tuple(tasks), "paper")
 
 
-def upper_body_motion(robot: RobotModel, frames: int, seed: int = 0, rate_hz: float = 60.0, reach: float = 0.3) -> Array:
+def upper_body_motion(
+    robot: RobotModel, frames: int, seed: int = 0, rate_hz: float = 60.0, reach: float = 0.3
+) -> Array:
     """Joints (T, n) that swing about the reference posture, inside the limits; legs in it."""
     rng, time = np.random.default_rng(seed), np.arange(frames) / rate_hz
     count = len(robot.joint_names)
@@ -86,7 +90,9 @@ def random_step(solver: HierarchicalSolver, robot: RobotModel, rng: np.random.Ge
     return Step(joints, 0.3 * solver.limits.speed * rng.uniform(-1, 1, len(solver.columns)))
 
 
-def paper_cascade(solver: HierarchicalSolver, weight: Array, before: Array, step_s: float) -> tuple[Array, NDArray[np.bool_]]:
+def paper_cascade(
+    solver: HierarchicalSolver, weight: Array, before: Array, step_s: float
+) -> tuple[Array, NDArray[np.bool_]]:
     """Velocities (L, c) after each level of eq. 14 with equalities, on the rows of `solver`'s last step, and whether daqp solved each level.
 
     A level that is infeasible for daqp's tolerance (the paper's level 5, often) keeps the one before.
@@ -112,7 +118,10 @@ def paper_cascade(solver: HierarchicalSolver, weight: Array, before: Array, step
         sense = np.repeat(np.array([0, 5], np.intc), [len(limits.lower), len(basis)])
         problem = (hessian, scale * gradient, matrix, scale * upper, scale * lower, sense)
         x, _, flag, _ = daqp.solve(*problem)
-        if flag not in (1, 2):  # where limits bind beside many equalities it finds no feasible point, unless it solves these first
+        if flag not in (
+            1,
+            2,
+        ):  # where limits bind beside many equalities it finds no feasible point, unless it solves these first
             x, _, flag, _ = daqp.solve(*problem, eq_reduction=1)
         solved.append(flag in (1, 2))
         if solved[-1]:
