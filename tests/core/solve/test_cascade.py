@@ -213,7 +213,7 @@ def test_one_level_agrees_with_scipy() -> None:
             return float(50 * np.sum((j @ x - v) ** 2) + x @ a @ x)
 
         both = np.concatenate([rows, -rows])
-        held = {"type": "ineq", "fun": lambda x, both=both: 0.5 - both @ x, "jac": lambda x, both=both: -both}
+        held = {"type": "ineq", "fun": lambda x, both=both: 0.5 - both @ x, "jac": lambda _, both=both: -both}
         best = minimize(cost, np.zeros(6), bounds=[(-1, 1)] * 6, constraints=held, method="SLSQP", tol=1e-12)
         assert cost(found) <= best.fun * (1 + 1e-6)
         assert (np.abs(rows @ found) <= 0.5 + 1e-8).all()
