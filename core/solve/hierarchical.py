@@ -192,8 +192,7 @@ class HierarchicalSolver:
         frame: whose task weights count. before: (c,) the step before's velocities. The rows stay in `rows` until the next step.
         """
         limits = limits or self.limits
-        self.rows.linearise(self._configuration(joints), wanted)
-        limits.update(joints, step_s)
+        self.linearise(joints, wanted, step_s, limits)
         return self._cascade.solve(
             self.rows.jacobian,
             self.rows.command,
@@ -205,6 +204,11 @@ class HierarchicalSolver:
             before,
             step_s,
         )
+
+    def linearise(self, joints: Array, wanted: TaskSample, step_s: float, limits: VelocityLimits | None = None) -> None:
+        """Bring `rows` and the limits, by default `self.limits`, to `joints` (n,)."""
+        self.rows.linearise(self._configuration(joints), wanted)
+        (limits or self.limits).update(joints, step_s)
 
     def start(self) -> tuple[Array, int, bool]:
         """The joints (n,) that meet the first frame's targets, found from the reference posture, the steps it took, and whether they stand.
