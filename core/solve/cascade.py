@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import daqp
 import numpy as np
@@ -40,19 +41,28 @@ class CascadeStep:
 class Cascade:
     """Solver for one set of levels, with its work space. Not thread-safe.
 
-    levels: first to last; rows: the Jacobian rows of each. speed: (c,) rad/s that no joint exceeds; it says which directions are null.
+    levels: first to last; rows: the Jacobian rows of each, R in all. weight: (T, R) ≥ 0 of the rows at T frames. speed: (c,) rad/s that no joint
+    exceeds; it says which directions are null.
     """
 
-    def __init__(self, levels: Sequence[Priority], rows: Sequence[slice], speed: Array) -> None:
+    def __init__(self, levels: Sequence[Priority], rows: Sequence[slice], weight: Array, speed: Array) -> None:
         self._levels, self._rows = tuple(levels), tuple(rows)
-        # A direction n with |J n| below this moves nothing by more than LEAK at any speed within the limits.
-        self.tolerance = LEAK / max(float(np.linalg.norm(speed)), 1.0)
+        self._count = max(own.stop for own in self._rows)
+        importance = np.array(weight[:, : self._count])
+        for level, own in zip(self._levels, self._rows, strict=True):
+            importance[:, own] *= level.weight
+        self._scale = np.sqrt(importance)
+        # A direction n with |J n| below this moves nothing by more than LEAK at any speed within the limits. Rows are scaled, so are tolerances.
+        tolerance = LEAK / max(float(np.linalg.norm(speed)), 1.0)
+        least = np.where(self._scale > 0.0, self._scale, np.inf)
+        least = np.stack([least[:, own].min(axis=1) for own in self._rows], axis=1)
+        self._tolerance = (tolerance * np.where(np.isfinite(least), least, 1.0)).tolist()
 
     def solve(
         self,
+        frame: int,
         jacobian: Array,
         command: Array,
-        weight: Array,
         inertia: Array,
         lower: Array,
         upper: Array,
@@ -62,64 +72,68 @@ class Cascade:
     ) -> CascadeStep:
         """The joint velocities that follow `command` (R,) by priority.
 
-        jacobian (R, c), weight (R,) ≥ 0 of its rows. inertia (c, c) = A, positive definite. lower, upper (c + k,): bounds on the velocities, then on
-        `constraints` (k, c) times them; lower ≤ 0 ≤ upper. before: (c,) the last step's velocities. All finite.
+        frame: whose weights count. jacobian (R, c). inertia (c, c) = A, positive definite. lower, upper (c + k,): bounds on the velocities, then
+        on `constraints` (k, c) times them; lower ≤ 0 ≤ upper. before: (c,) the last step's velocities. All finite.
         """
-        count = len(before)
-        velocity, freedom, qps = np.zeros(count), np.zeros(len(self._levels), np.int64), 0
-        reached = np.zeros(len(lower))  # the constraints' values at `velocity`
-        directions = np.concatenate([np.eye(count), constraints])  # (I; C) N
-        own = inertia  # Nᵀ A N
-        for number, (level, rows) in enumerate(zip(self._levels, self._rows, strict=True)):
-            basis = directions[:count]
-            full, importance = jacobian[rows], level.weight * weight[rows]
-            reduced = full @ basis
-            if not importance.all():
-                reduced *= (importance > 0.0)[:, None]
-            last = number + 1 == len(self._levels)
-            rank, null = (self._any(reduced), None) if last else self._null_space(reduced)
-            freedom[number] = rank
-            weighted = reduced.T * importance
-            hessian, pull = weighted @ reduced + own, inertia @ velocity
+        joints, limits, last = len(before), len(lower), len(self._levels) - 1
+        count, scale, tolerances = self._count, self._scale[frame], self._tolerance[frame]
+        # (I; C; √ρ J) N, and what these rows say at the solution so far, less what the tasks want: all in units of 1 / QP_SCALE.
+        rows = np.concatenate([np.eye(joints), constraints, scale[:, None] * jacobian[:count]])
+        value = np.zeros(len(rows))
+        value[limits:] = -QP_SCALE * scale * command[:count]
+        low, high, before = QP_SCALE * lower, QP_SCALE * upper, QP_SCALE * before
+        velocity, own = value[:joints], inertia  # own: Nᵀ A N
+        freedom = np.zeros(len(self._levels), np.int64)
+        for number, (level, task_rows) in enumerate(zip(self._levels, self._rows, strict=True)):
+            tasks = slice(limits + task_rows.start, limits + task_rows.stop)
+            reduced = rows[tasks]
+            tolerance = tolerances[number]
+            null = None if number == last else _null_space(reduced, tolerance)
+            freedom[number] = _any(reduced, tolerance) if null is None else len(null) - null.shape[1]
+            hessian = reduced.T @ reduced
+            hessian += own
+            pull = inertia @ velocity
             if level.acceleration_s2 > 0.0:
                 factor = level.acceleration_s2 / step_s**2
                 hessian.reshape(-1)[:: len(hessian) + 1] += factor  # NᵀN = I
                 pull += factor * (velocity - before)
-            gradient = weighted @ (full @ velocity - command[rows]) + basis.T @ pull
-            step = self._qp(hessian, gradient, lower - reached, upper - reached, directions, number == 0)
-            qps += 1
+            gradient = reduced.T @ value[tasks]
+            gradient += rows[:joints].T @ pull
+            step = _qp(hessian, gradient, low - value[:limits], high - value[:limits], rows[:limits], number == 0)
             if step is None:
-                return CascadeStep(velocity, freedom, qps, number)
-            moved = directions @ step
-            velocity += moved[:count]
-            reached += moved
+                return CascadeStep(_inside(velocity / QP_SCALE, lower, upper), freedom, number + 1, number)
+            value += rows @ step
             if null is not None:
                 if not null.shape[1]:
                     break
-                directions, own = directions @ null, null.T @ own @ null
-        np.clip(velocity, lower[:count], upper[:count], out=velocity)
-        return CascadeStep(velocity, freedom, qps)
+                rows, own = rows @ null, null.T @ own @ null
+        return CascadeStep(_inside(velocity / QP_SCALE, lower, upper), freedom, number + 1)
 
-    def _null_space(self, reduced: Array) -> tuple[int, Array]:
-        """Rank of `reduced` (r, f) and an orthonormal basis (f, f - rank) of the directions that it sends to nothing."""
-        _, sizes, right = np.linalg.svd(reduced)
-        rank = int((sizes > self.tolerance).sum())
-        return rank, right[rank:].T
 
-    def _any(self, reduced: Array) -> int:
-        """A bound on the rank of `reduced` (r, f) that is 0 where it is."""
-        return min(reduced.shape) if np.linalg.norm(reduced) > self.tolerance else 0
+def _null_space(reduced: Array, tolerance: float) -> Array:
+    """An orthonormal basis (f, f - rank) of the directions that `reduced` (r, f) sends to no more than `tolerance`."""
+    _, sizes, right = np.linalg.svd(reduced)
+    null: Array = right[np.count_nonzero(sizes > tolerance) :].T
+    return null
 
-    def _qp(
-        self, hessian: Array, gradient: Array, lower: Array, upper: Array, directions: Array, first: bool
-    ) -> Array | None:
-        """y of one level; None when the QP fails. The first level's `directions` start with the identity."""
-        np.minimum(lower, 0.0, out=lower)  # what a higher level left at its bound, to daqp's tolerance, may stay there
-        np.maximum(upper, 0.0, out=upper)
-        matrix = directions[len(gradient) :] if first else directions
-        sense = np.zeros(len(lower), np.intc)
-        step, _, flag, _ = daqp.solve(hessian, QP_SCALE * gradient, matrix, QP_SCALE * upper, QP_SCALE * lower, sense)
-        if flag not in (1, 2):
-            return None
-        step = np.asarray(step, float) / QP_SCALE
-        return step if np.isfinite(step).all() else None
+
+def _any(reduced: Array, tolerance: float) -> int:
+    """A bound on the rank of `reduced` (r, f) that is 0 where it is."""
+    flat = reduced.reshape(-1)
+    return min(reduced.shape) if flat @ flat > tolerance**2 else 0
+
+
+def _qp(hessian: Array, gradient: Array, lower: Array, upper: Array, directions: Array, first: bool) -> Array | None:
+    """y of one level; None when the QP fails. The first level's `directions` start with the identity. Overwrites the bounds."""
+    np.minimum(lower, 0.0, out=lower)  # what a higher level left at its bound, to daqp's tolerance, may stay there
+    np.maximum(upper, 0.0, out=upper)
+    matrix = directions[len(gradient) :] if first else directions
+    step, _, flag, _ = daqp.solve(hessian, gradient, matrix, upper, lower, np.zeros(len(lower), np.intc))
+    step = np.asarray(step, float)
+    return step if flag in (1, 2) and isfinite(step @ step) else None
+
+
+def _inside(velocity: Array, lower: Array, upper: Array) -> Array:
+    """`velocity` (c,) without what daqp's tolerance left outside the joints' own bounds."""
+    np.maximum(velocity, lower[: len(velocity)], out=velocity)
+    return np.minimum(velocity, upper[: len(velocity)], out=velocity)

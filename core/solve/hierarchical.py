@@ -165,7 +165,7 @@ class HierarchicalSolver:
         self.limits = VelocityLimits(model, self.columns, len(hands), speed, hierarchy.limit_gain, box)
         unhurried = np.full(len(speed), FIRST_STEP_RAD / self._first_step_s)
         self._unhurried = VelocityLimits(model, self.columns, len(hands), unhurried, FREE, np.full(6, FREE))
-        self._cascade = Cascade(self.levels, self.level_rows, self.limits.speed)
+        self._cascade = Cascade(self.levels, self.level_rows, self.weight, self.limits.speed)
         self.added_inertia = np.diag(
             [
                 hierarchy.inertia_diagonal
@@ -194,9 +194,9 @@ class HierarchicalSolver:
         limits = limits or self.limits
         self.linearise(joints, wanted, step_s, limits)
         return self._cascade.solve(
+            frame,
             self.rows.jacobian,
             self.rows.command,
-            self.weight[frame],
             self.rows.inertia + self.added_inertia,
             limits.lower,
             limits.upper,

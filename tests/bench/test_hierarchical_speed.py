@@ -82,11 +82,11 @@ def linearised(work: Work) -> list[Linearised]:
     return found
 
 
-def strict(work: Work, step: Linearised, cascade: Cascade) -> Array:
+def strict(step: Linearised, cascade: Cascade) -> Array:
     return cascade.solve(
+        0,
         step.jacobian,
         step.command,
-        work.solver.weight[0],
         step.inertia,
         step.lower,
         step.upper,
@@ -124,14 +124,14 @@ def microseconds(runs: dict[str, Callable[[], object]], count: int, turns: int =
 
 def test_strict_against_weighted(benchmark: BenchmarkFixture, work: Work) -> None:
     solver, steps = work.solver, linearised(work)
-    cascade = Cascade(solver.levels, solver.level_rows, solver.limits.speed)
+    cascade = Cascade(solver.levels, solver.level_rows, solver.weight, solver.limits.speed)
 
     def linearise() -> None:
         for state in work.states:
             solver.linearise(state.joints, work.wanted, STEP_S)
 
     runs: dict[str, Callable[[], object]] = {
-        "strict": lambda: [strict(work, step, cascade) for step in steps],
+        "strict": lambda: [strict(step, cascade) for step in steps],
         "weighted": lambda: [weighted(work, step) for step in steps],
         "linearisation": linearise,
     }
@@ -143,11 +143,11 @@ def test_strict_against_weighted(benchmark: BenchmarkFixture, work: Work) -> Non
     benchmark.extra_info.update({"solve_ratio": solve_ratio, "step_ratio": step_ratio})
     print(f"\n{work.name}: strict {found['strict']:.0f} µs, one weighted QP {found['weighted']:.0f} µs (ratio {solve_ratio:.2f}); "
           f"with the linearisation's {found['linearisation']:.0f} µs ratio {step_ratio:.2f}")  # fmt: skip
-    first = Cascade(solver.levels[:1], solver.level_rows[:1], solver.limits.speed)
+    first = Cascade(solver.levels[:1], solver.level_rows[:1], solver.weight, solver.limits.speed)
     chest, lost = solver.level_rows[0], {"strict": 0.0, "weighted": 0.0}
     for step in steps:
-        best = step.jacobian[chest] @ strict(work, step, first)
-        for name, own in (("strict", strict(work, step, cascade)), ("weighted", weighted(work, step))):
+        best = step.jacobian[chest] @ strict(step, first)
+        for name, own in (("strict", strict(step, cascade)), ("weighted", weighted(work, step))):
             value = np.concatenate([own, step.constraints @ own])
             assert ((value >= step.lower - 1e-8) & (value <= step.upper + 1e-8)).all(), name
             lost[name] = max(lost[name], float(np.abs(step.jacobian[chest] @ own - best).max()))

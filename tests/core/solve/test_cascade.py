@@ -57,11 +57,11 @@ def _largest_change(solver: HierarchicalSolver, before: Array, full: Array) -> f
     """By how much a level's task velocities differ between the cascade that ends with it and the whole one."""
     rows, limits, largest = solver.rows, solver.limits, 0.0
     for count in range(1, len(solver.levels)):
-        part = Cascade(solver.levels[:count], solver.level_rows[:count], limits.speed)
+        part = Cascade(solver.levels[:count], solver.level_rows[:count], solver.weight, limits.speed)
         found = part.solve(
+            0,
             rows.jacobian,
             rows.command,
-            solver.weight[0],
             rows.inertia + solver.added_inertia,
             limits.lower,
             limits.upper,
@@ -101,24 +101,21 @@ def test_a_level_without_freedom_is_reported(solved: Solved) -> None:
     assert empty == 1.0 if columns <= higher else empty < 1.0
 
 
-def cascade(*weights: float, acceleration: float = 0.0) -> Cascade:
+def cascade(*weights: float, acceleration: float = 0.0, of_rows: Array | None = None) -> Cascade:
+    """Levels of one row each."""
     levels = [Priority(i, slice(i, i + 1), weight, acceleration) for i, weight in enumerate(weights)]
-    return Cascade(levels, [slice(i, i + 1) for i in range(len(weights))], np.full(2, 100.0))
+    rows = [slice(i, i + 1) for i in range(len(weights))]
+    return Cascade(levels, rows, np.ones((1, len(weights))) if of_rows is None else of_rows[None], np.full(2, 100.0))
 
 
 def solve_plainly(
-    own: Cascade,
-    jacobian: Array,
-    command: Array,
-    limit: float = 1e6,
-    before: Array | None = None,
-    weight: Array | None = None,
+    own: Cascade, jacobian: Array, command: Array, limit: float = 1e6, before: Array | None = None
 ) -> CascadeStep:
     count = jacobian.shape[1]
     return own.solve(
+        0,
         jacobian,
         command,
-        np.ones(len(command)) if weight is None else weight,
         0.02 * np.eye(count),
         np.full(count, -limit),
         np.full(count, limit),
@@ -161,7 +158,7 @@ class TestInClosedForm:
 
     def test_a_task_of_weight_zero_takes_no_freedom(self) -> None:
         jacobian, command = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([7.0, 1.0])
-        found = solve_plainly(cascade(50.0, 50.0), jacobian, command, weight=np.array([0.0, 1.0]))
+        found = solve_plainly(cascade(50.0, 50.0, of_rows=np.array([0.0, 1.0])), jacobian, command)
         np.testing.assert_allclose(found.velocity, [50 / 50.02, 0.0], atol=1e-9)
 
     @pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-8, 1e-9, 1e-12])
@@ -206,8 +203,8 @@ def test_one_level_agrees_with_scipy() -> None:
         inertia, rows = root @ root.T / 6 + 0.02 * np.eye(6), rng.normal(size=(2, 6))
         lower, upper = np.full(8, -1.0), np.full(8, 1.0)
         lower[6:], upper[6:] = -0.5, 0.5
-        own = Cascade([Priority(0, slice(0, 1), 50.0, 0.0)], [slice(0, 4)], np.ones(6))
-        found = own.solve(jacobian, command, np.ones(4), inertia, lower, upper, rows, np.zeros(6), 0.01).velocity
+        own = Cascade([Priority(0, slice(0, 1), 50.0, 0.0)], [slice(0, 4)], np.ones((1, 4)), np.ones(6))
+        found = own.solve(0, jacobian, command, inertia, lower, upper, rows, np.zeros(6), 0.01).velocity
 
         def cost(x: Array, j: Array = jacobian, v: Array = command, a: Array = inertia) -> float:
             return float(50 * np.sum((j @ x - v) ** 2) + x @ a @ x)
