@@ -128,9 +128,14 @@ def _qp(hessian: Array, gradient: Array, lower: Array, upper: Array, directions:
     np.minimum(lower, 0.0, out=lower)  # what a higher level left at its bound, to daqp's tolerance, may stay there
     np.maximum(upper, 0.0, out=upper)
     matrix = directions[len(gradient) :] if first else directions
-    step, _, flag, _ = daqp.solve(hessian, gradient, matrix, upper, lower, np.zeros(len(lower), np.intc))
-    step = np.asarray(step, float)
-    return step if flag in (1, 2) and isfinite(step @ step) else None
+    for scale in (1.0, 1.0 / QP_SCALE):  # where nearly parallel limits bind, the finer unit may be too fine for it
+        step, _, flag, _ = daqp.solve(
+            hessian, scale * gradient, matrix, scale * upper, scale * lower, np.zeros(len(lower), np.intc)
+        )
+        step = np.asarray(step, float) / scale
+        if flag in (1, 2) and isfinite(step @ step):
+            return step
+    return None
 
 
 def _inside(velocity: Array, lower: Array, upper: Array) -> Array:

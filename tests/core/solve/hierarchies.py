@@ -102,7 +102,6 @@ def paper_cascade(
     inertia = rows.inertia + solver.added_inertia
     constraints = np.concatenate([rows.hand_rows, limits.coupled])
     velocity, found, solved = np.zeros(count), [], []
-    scale = 1e3  # daqp's tolerance is absolute
     for level, own in zip(solver.levels, solver.level_rows, strict=True):
         higher = rows.jacobian[: own.start]
         factor = level.acceleration_s2 / step_s**2
@@ -116,15 +115,13 @@ def paper_cascade(
         fixed = basis @ velocity
         lower, upper = np.concatenate([limits.lower, fixed]), np.concatenate([limits.upper, fixed])
         sense = np.repeat(np.array([0, 5], np.intc), [len(limits.lower), len(basis)])
-        problem = (hessian, scale * gradient, matrix, scale * upper, scale * lower, sense)
-        x, _, flag, _ = daqp.solve(*problem)
-        if flag not in (
-            1,
-            2,
-        ):  # where limits bind beside many equalities it finds no feasible point, unless it solves these first
-            x, _, flag, _ = daqp.solve(*problem, eq_reduction=1)
+        # Where limits bind beside many equalities daqp may find no feasible point, unless it solves these first, or in a coarser unit.
+        for scale, how in ((1e3, {}), (1e3, {"eq_reduction": 1}), (1.0, {"eq_reduction": 1})):
+            problem = (hessian, scale * gradient, matrix, scale * upper, scale * lower, sense.copy())
+            x, _, flag, _ = daqp.solve(*problem, **how)
+            if flag in (1, 2):
+                velocity = np.asarray(x, float) / scale
+                break
         solved.append(flag in (1, 2))
-        if solved[-1]:
-            velocity = np.asarray(x, float) / scale
         found.append(velocity)
     return np.array(found), np.array(solved)
