@@ -34,8 +34,11 @@ Progress = Callable[[int, int], None]
 CHUNK = 64
 """Frames between two calls of the progress function."""
 
-FIRST_STEP_RAD, STANDING_RAD = 0.1, 2e-6
-"""Longest step of a joint on the way to the first frame, and the step below which it has arrived."""
+FIRST_STEP_RAD, FIRST_INERTIA, STANDING_RAD = 0.1, 0.1, 1e-5
+"""On the way to the first frame: the longest step of a joint, the share of A that counts, and the step below which it has arrived.
+
+Without the share, arms that hardly reach their targets creep there for thousands of steps; with less of it they jump to other postures.
+"""
 
 FREE = 1e30
 """What daqp takes for no bound."""
@@ -50,7 +53,7 @@ class HierarchicalOptions:
 
     control_step_s: float = 1e-3
     gain_1_s: float = 100.0
-    first_steps: int = 2000
+    first_steps: int = 1000
 
     def __post_init__(self) -> None:
         if not 0 < self.control_step_s < np.inf:
@@ -178,49 +181,40 @@ class HierarchicalSolver:
             ]
         )
 
-    def step(
-        self,
-        joints: Array,
-        wanted: TaskSample,
-        frame: int,
-        before: Array,
-        step_s: float,
-        limits: VelocityLimits | None = None,
-    ) -> CascadeStep:
+    def step(self, joints: Array, wanted: TaskSample, frame: int, before: Array, step_s: float) -> CascadeStep:
         """The velocities (c,) of one control step of `step_s` seconds from `joints` (n,), which satisfy the limits.
 
         frame: whose task weights count. before: (c,) the step before's velocities. The rows stay in `rows` until the next step.
         """
-        limits = limits or self.limits
-        self.linearise(joints, wanted, step_s, limits)
-        return self._cascade.solve(
-            frame,
-            self.rows.jacobian,
-            self.rows.command,
-            self.rows.inertia + self.added_inertia,
-            limits.lower,
-            limits.upper,
-            np.concatenate([self.rows.hand_rows, limits.coupled]),
-            before,
-            step_s,
-        )
+        self.linearise(joints, wanted, step_s)
+        return self._solve(frame, self.limits, self.rows.inertia + self.added_inertia, before, step_s)
 
-    def linearise(self, joints: Array, wanted: TaskSample, step_s: float, limits: VelocityLimits | None = None) -> None:
-        """Bring `rows` and the limits, by default `self.limits`, to `joints` (n,)."""
+    def linearise(self, joints: Array, wanted: TaskSample, step_s: float) -> None:
+        """Bring `rows` and `limits` to `joints` (n,)."""
         self.rows.linearise(self._configuration(joints), wanted)
-        (limits or self.limits).update(joints, step_s)
+        self.limits.update(joints, step_s)
+
+    def _solve(self, frame: int, limits: VelocityLimits, inertia: Array, before: Array, step_s: float) -> CascadeStep:
+        rows, constraints = self.rows, np.concatenate([self.rows.hand_rows, limits.coupled])
+        return self._cascade.solve(
+            frame, rows.jacobian, rows.command, inertia, limits.lower, limits.upper, constraints, before, step_s
+        )
 
     def start(self) -> tuple[Array, int, bool]:
         """The joints (n,) that meet the first frame's targets, found from the reference posture, the steps it took, and whether they stand.
 
-        Where targets can't be met, full steps may swing about the answer for ever: they are shortened while they turn back.
+        Time does not count here: no speed limit holds, and little of the inertia that would slow the way down. Where targets can't be met, full
+        steps may swing about the answer for ever: they are shortened while they turn back.
         """
         model, step_s = self._model, self._first_step_s
         joints = nearest_feasible(model.reference_posture, model.lower, model.upper, coupled_rows(model))
         wanted, still = self._samples.at(0).standing(), np.zeros(len(self.columns))
         last, share = still, 1.0
         for count in range(1, self._options.first_steps + 1):
-            found = self.step(joints, wanted, 0, still, step_s, self._unhurried)
+            self.rows.linearise(self._configuration(joints), wanted)
+            self._unhurried.update(joints, step_s)
+            inertia = FIRST_INERTIA * (self.rows.inertia + self.added_inertia)
+            found = self._solve(0, self._unhurried, inertia, still, step_s)
             if found.failed == 0:
                 raise SolverError(
                     f"the first frame can't be solved for robot '{model.profile.name}': its first QP fails"
