@@ -27,7 +27,7 @@ QP_SCALE = 1e3
 
 @dataclass(frozen=True, eq=False)
 class CascadeStep:
-    """velocity: (c,). freedom: per level, the dimensions in which it could move its own tasks, 0 = none.
+    """velocity: (c,). freedom: per level, the dimensions in which it could move its own tasks, 0 = none; of the last level a bound on them.
 
     qps: how many were solved. failed: the level whose QP failed, whereupon the solution of those before was kept, or None.
     """
@@ -52,8 +52,9 @@ class Cascade:
         for level, own in zip(self._levels, self._rows, strict=True):
             importance[:, own] *= level.weight
         self._scale = np.sqrt(importance)
-        # A direction n with |J n| below this moves nothing by more than LEAK at any speed within the limits. Rows are scaled, so are tolerances.
-        tolerance = LEAK / max(float(np.linalg.norm(speed)), 1.0)
+        # Lower levels change velocities by twice the limits at most: along a direction n with |J n| below this that moves a task by LEAK at most.
+        # Rows are scaled, and so are tolerances.
+        tolerance = 0.5 * LEAK / max(float(np.linalg.norm(speed)), 1.0)
         least = np.where(self._scale > 0.0, self._scale, np.inf)
         least = np.stack([least[:, own].min(axis=1) for own in self._rows], axis=1)
         self._tolerance = (tolerance * np.where(np.isfinite(least), least, 1.0)).tolist()
