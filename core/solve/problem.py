@@ -91,7 +91,7 @@ def orientation_problem(targets: Targets, model: RobotModel, *, free_base: bool)
             feed_forward[:, i] = task.feed_forward
         weight[:, i] = task.weight
     base_columns = 3 if free_base else 0
-    paths = _paths(model, base_columns)
+    paths = joint_paths(model, base_columns)
     first = base_columns + len(model.joint_names) - model.pin_model.nv
     moves = np.zeros((links, base_columns + len(model.joint_names)))
     leads = np.zeros((moves.shape[1], moves.shape[1]))
@@ -136,7 +136,7 @@ def coupled_rows(model: RobotModel) -> tuple[Array, Array, Array] | None:
     )
 
 
-def _paths(model: RobotModel, base_columns: int) -> dict[int, list[int]]:
+def joint_paths(model: RobotModel, base_columns: int) -> dict[int, list[int]]:
     """pinocchio joint → the columns that turn its frame: the base's and those of the joints from the base to it, itself included."""
     pin_model = model.pin_model
     first = base_columns + len(model.joint_names) - pin_model.nv
