@@ -34,7 +34,7 @@ def trunk_joints(model: RobotModel, link: str, orientation: Array) -> Array:
     while joint in tree:
         chain.append(tree[joint])
         joint = tree[joint].parent
-    chain = [frame for frame in reversed(chain)]
+    chain.reverse()
     columns = [frame.column for frame in chain if not frame.sliding]
     if not columns:
         return joints
