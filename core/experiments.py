@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from retarget.core import rotations
@@ -32,7 +33,9 @@ def circle_index(points: Array) -> float:
     distance = np.linalg.norm(flat, axis=1)
     radius = float(distance.mean())
     if radius < 1e-9:
-        raise InvalidDataError("circle index: found a hand that doesn't move in the y-z plane, expected a path around a centre")
+        raise InvalidDataError(
+            "circle index: found a hand that doesn't move in the y-z plane, expected a path around a centre"
+        )
     return float(np.sqrt(np.mean((distance - radius) ** 2)) / radius)
 
 
@@ -40,7 +43,7 @@ def ideal_square(centre: Sequence[float], side_m: float, per_side: int = 50) -> 
     """A square (4 · per_side + 1, 3) m in the y-z plane about `centre`, drawn at constant speed from its upper left corner and closed [Lim2022 fig. 6]."""
     corners = 0.5 * side_m * np.array([[0, 1, 1], [0, -1, 1], [0, -1, -1], [0, 1, -1], [0, 1, 1]], float)
     along = np.arange(per_side)[:, None] / per_side
-    edges = [begin + along * (end - begin) for begin, end in zip(corners[:-1], corners[1:], strict=True)]
+    edges = [begin + along * (end - begin) for begin, end in pairwise(corners)]
     return np.asarray(np.concatenate([*edges, corners[-1:]]) + np.asarray(centre, float))
 
 
@@ -50,7 +53,7 @@ def between_bases(hand: Array, human: Array, robot: Array) -> Array:
 
 
 def hand_paths(targets: Targets) -> dict[str, Array]:
-    """"Left", "Right" → hand targets (T, 3) m in the robot's world."""
+    """ "Left", "Right" → hand targets (T, 3) m in the robot's world."""
     return {task.segment.removesuffix("Hand"): task.value for task in targets.tasks if task.kind == "position"}
 
 
@@ -67,9 +70,7 @@ def circle_indices(
     return {side: {name: circle_index(path[side]) for name, path in paths.items()} for side in SIDES}
 
 
-def arm_direction_errors(
-    trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion
-) -> dict[str, Array]:
+def arm_direction_errors(trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion) -> dict[str, Array]:
     """Line → angle (T,) in degrees between the operator's and the robot's: {Left,Right}UpperArm, ForeArm (elbow to hand), Arm (shoulder to hand).
 
     The visual similarity of [Lim2022 sec. IV-C] as a number. `motion` is what was retargeted, frame for frame, with its calibration; the robot's base

@@ -18,10 +18,13 @@ from retarget.core.types import Array, HumanMotion
 def in_operator_frame(motion: HumanMotion, calibration: Calibration, segment: str = "Pelvis") -> HumanMotion:
     """The motion in the operator frame of `calibration`: X forward, Y left, Z up, origin at the pelvis of the Still pose.
 
-    segment: "Pelvis" or "T8", which carries the frame; where it isn't measured the frame stands still in the world. In the Still pose the
-    result is the same either way. Angular velocities are dropped: they would hold the frame's own rate.
+    segment: "Pelvis" or "T8", which carries the frame; where it isn't measured the frame stands still, and a motion of calibrated trackers, which is
+    in it already (`core.calibrate.apply`), is returned as it is. In the Still pose the result is the same either way. Angular velocities are
+    dropped: they would hold the frame's own rate.
     """
     segment = "T8" if segment == "T8" else "Pelvis"
+    if calibration.trackers and not motion.has(segment):
+        return motion
     if motion.has(segment):
         index = motion.index(segment)
         still = calibration.chest_orientation if segment == "T8" else calibration.still_orientation.get(segment)

@@ -14,6 +14,7 @@ from retarget.core.mapping.absolute import one_to_one
 from retarget.core.mapping.hand_weights import mapping_weights
 from retarget.core.mapping.proportional import in_proportion
 from retarget.core.types import Array, HumanMotion, JointTrajectory
+
 from tests.core.mapping.operators import authors_arms, calibration_of, pose
 
 MotionFactory = Callable[..., HumanMotion]
@@ -128,7 +129,10 @@ def test_arm_directions(make_motion: MotionFactory, build_robot: Callable[[str],
     model = build_robot("g1")
     calibration = calibration_of(make_motion)
     trajectory = JointTrajectory(
-        np.array([0.0, 1.0]), model.joint_names, np.tile(model.reference_posture, (2, 1)), np.zeros((2, len(model.joint_names)))
+        np.array([0.0, 1.0]),
+        model.joint_names,
+        np.tile(model.reference_posture, (2, 1)),
+        np.zeros((2, len(model.joint_names))),
     )
     alike = make_motion([0.0, 1.0], pose("tpose"), calibration=calibration)
     apart = make_motion([0.0, 1.0], pose("forward"), calibration=calibration)
@@ -138,5 +142,7 @@ def test_arm_directions(make_motion: MotionFactory, build_robot: Callable[[str],
         for line, error in found.items():
             assert error.shape == (2,)
             assert error == pytest.approx(angle, abs=12.0), line
-    turned = make_motion([0.0, 1.0], {**pose("tpose"), "Pelvis": rotations.exp(np.array([0, 0, 1.0]))}, calibration=calibration)
+    turned = make_motion(
+        [0.0, 1.0], {**pose("tpose"), "Pelvis": rotations.exp(np.array([0, 0, 1.0]))}, calibration=calibration
+    )
     assert np.isfinite(experiments.arm_direction_errors(trajectory, model, turned)["LeftArm"]).all()

@@ -72,7 +72,9 @@ def turned(motion: HumanMotion, yaw: float, shift: Array) -> HumanMotion:
     )
 
 
-def moving(make_motion: Callable[..., HumanMotion], time: Array, start: Mapping[str, Array] | None = None) -> HumanMotion:
+def moving(
+    make_motion: Callable[..., HumanMotion], time: Array, start: Mapping[str, Array] | None = None
+) -> HumanMotion:
     """Arms, chest and head swinging smoothly and slowly about a posture with bent elbows, in front of the person."""
     wave = np.sin(1.5 * time)[:, None]
     left = rotations.exp(np.array([-0.7, 0.2, -0.5]) + wave * [0.2, 0.1, 0.2])

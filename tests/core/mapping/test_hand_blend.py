@@ -54,7 +54,9 @@ def test_it_is_once_continuously_differentiable() -> None:
 def test_together_within_reach() -> None:
     """Both arms stretched forward, hands brought together: pulled back until the longer way fits, still together."""
     shoulders = np.array([[0.0, 0.2, 0.0]]), np.array([[0.0, -0.2, 0.0]])
-    left, right = pulled_within_reach(np.array([[0.7, 0.02, 0.0]]), np.array([[0.7, -0.02, 0.0]]), shoulders, (0.7, 0.7))
+    left, right = pulled_within_reach(
+        np.array([[0.7, 0.02, 0.0]]), np.array([[0.7, -0.02, 0.0]]), shoulders, (0.7, 0.7)
+    )
     assert left[0] == pytest.approx([np.sqrt(0.7**2 - 0.18**2), 0.02, 0.0], abs=1e-9)
     assert left - right == pytest.approx(np.array([[0.0, 0.04, 0.0]]), abs=1e-12)
 

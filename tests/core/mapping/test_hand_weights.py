@@ -10,6 +10,7 @@ from retarget.core.errors import InvalidDataError
 from retarget.core.mapping.hand_weights import CONTROL_STEP_S, HandLimits, mapping_weights
 from retarget.core.types import Array
 from scipy.optimize import lsq_linear, minimize
+
 from tests.core.mapping.operators import authors_arms
 
 BASIS = authors_arms()["Left"].basis
@@ -149,7 +150,9 @@ def test_after_a_limit_it_returns_to_the_hand(seed: int, rate_hz: float) -> None
     "basis", [np.diag([0.6, 0.6, 1e-4]), np.ones((3, 3)), np.full((3, 3), np.nan)], ids=["flat", "same", "nan"]
 )
 def test_a_basis_that_does_not_span_the_space(basis: Array) -> None:
-    with pytest.raises(InvalidDataError, match=r"^calibration poses: found three arm vectors that nearly lie in one plane"):
+    with pytest.raises(
+        InvalidDataError, match=r"^calibration poses: found three arm vectors that nearly lie in one plane"
+    ):
         mapping_weights(np.array([0.0]), np.zeros((1, 3)), basis)
 
 

@@ -52,4 +52,6 @@ def test_parallel_rows_and_a_single_point() -> None:
     rows = np.concatenate([np.eye(3), np.eye(3)])
     metric = np.diag([1.0, 2.0, 3.0]) + 0.3
     zero = np.zeros(6)
-    assert Projection(metric, rows).nearest(np.array([1.0, 2.0, -1.0]), zero, zero) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert Projection(metric, rows).nearest(np.array([1.0, 2.0, -1.0]), zero, zero) == pytest.approx(
+        np.zeros(3), abs=1e-12
+    )
