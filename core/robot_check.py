@@ -21,6 +21,9 @@ EXCEPTION_MARGIN_DEG = 0.1
 """How near the error must be to what a `tpose_exceptions` entry states."""
 SOLE_LIMIT_MM = 2.0
 SYMMETRY_LIMIT_MM = 1.0
+ARM_MIRROR_LIMIT_MM = 2.0
+ARM_LENGTH_LIMIT_PERCENT = 5.0
+"""How far a typed arm length may be from the distance between the arm's two points in the reference posture."""
 FASTEST_JOINT_RAD_S = 60.0
 """No humanoid's joint is faster: a higher figure is a placeholder that nobody replaced."""
 AT_LIMIT_RAD = 1e-4
@@ -39,6 +42,7 @@ def check(model: RobotModel) -> ValidationReport:
     checks += _foot_checks(model, joints, base)
     checks += _symmetry_checks(model, joints, base)
     checks += _hand_checks(model)
+    checks += _arm_checks(model)
     return ValidationReport(model.profile.name, tuple(checks), {"tpose_rad": joints})
 
 
@@ -226,6 +230,33 @@ def _hand_checks(model: RobotModel) -> list[Check]:
         fingers, palm = np.array(hand.fingers), np.array(hand.palm)
         off = max(abs(np.linalg.norm(fingers) - 1), abs(np.linalg.norm(palm) - 1), abs(fingers @ palm))
         checks.append(_below(f"{side} hand: fingers and palm not unit and perpendicular", float(off), "", 1e-6))
+    return checks
+
+
+def arm_points(model: RobotModel, side: str, joints: Array) -> Array:
+    """(2, 3) m: shoulder centre and hand point of [arms.`side`] at joints (n,), the base upright at the origin."""
+    arm = model.profile.arms[side]
+    rotation, origin = link_poses(model, [arm.shoulder_link, arm.hand_link], joints[None])
+    local = np.array([arm.shoulder_m, arm.hand_m])
+    return np.asarray(np.einsum("kij,kj->ki", rotation[0], local) + origin[0])
+
+
+def _arm_checks(model: RobotModel) -> list[Check]:
+    """In the reference posture, where the arm is stretched out to the side."""
+    points = {side: arm_points(model, side, model.reference_posture) for side in model.profile.arms}
+    checks = []
+    for side, (shoulder, hand) in points.items():
+        length = float(np.linalg.norm(hand - shoulder))
+        checks.append(_above(f"{side} arm length", length, "m", 0.0, "shoulder to hand point, reference posture"))
+        if (typed := model.profile.arms[side].length_m) is not None:
+            off = 100 * abs(typed / length - 1) if length > 0 else np.inf
+            checks.append(
+                _below(f"{side} arm length off", off, "%", ARM_LENGTH_LIMIT_PERCENT, f"the profile states {typed:g} m")
+            )
+    if len(points) == 2:
+        gaps = 1000 * np.linalg.norm(points["Left"] - points["Right"] * [1.0, -1.0, 1.0], axis=1)
+        for name, gap in zip(("shoulder", "hand point"), gaps, strict=True):
+            checks.append(_below(f"{name} left against right", float(gap), "mm", ARM_MIRROR_LIMIT_MM))
     return checks
 
 

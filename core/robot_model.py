@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from retarget.core import rotations
 from retarget.core.errors import MotionError, ProfileError, UnknownNameError, nearest
+from retarget.core.joint_patterns import control_patterns, matches, with_joint_names
 from retarget.core.limb_geometry import Limb, find_limbs
 from retarget.core.profile import CoupledJoints, RobotProfile
 from retarget.core.robot_urdf import prepared_urdf, read_urdf
@@ -21,6 +22,7 @@ from retarget.core.types import Array, HumanMotion
 class RobotModel:
     """A robot ready for retargeting. n joints in the model's own order; positions rad (m for sliding joints).
 
+    profile: as loaded, with joint patterns of [hierarchy] and [torque] replaced by the names they match.
     pin_model: pinocchio model, free-flyer root when the base is floating; every joint has one degree of freedom.
     lower, upper, velocity_limit: (n,) rad, rad, rad/s. reference_posture: (n,), inside the limits.
     limbs: limb segment → its geometry. urdf: the text the model was built from, limits included.
@@ -117,7 +119,7 @@ def build(profile: RobotProfile, motion: HumanMotion | None = None) -> RobotMode
     reference = np.clip([profile.reference_posture.get(name, 0.0) for name in names], lower, upper)
     root = next(str(f.name) for f in model.frames if str(f.type) == "BODY")
     built = RobotModel(
-        profile=profile,
+        profile=with_joint_names(profile, names),
         pin_model=model,
         urdf=urdf,
         joint_names=names,
@@ -153,6 +155,11 @@ def _check_names(profile: RobotProfile, model: Any, joints: tuple[str, ...]) -> 
     wanted += [(link, f"[limb_ends] {segment}") for segment, link in profile.limb_ends.items()]
     wanted += [(hand.link, f"[hands.{side}]") for side, hand in profile.hands.items()]
     wanted += [(foot.link, f"[feet.{side}]") for side, foot in profile.feet.items()]
+    for side, arm in profile.arms.items():
+        named_links = {"shoulder_link": arm.shoulder_link, "hand_link": arm.hand_link, "elbow_link": arm.elbow_link}
+        wanted += [(link, f"[arms.{side}] {key}") for key, link in named_links.items() if link or key != "elbow_link"]
+    for i, level in enumerate(profile.hierarchy.levels):
+        wanted += [(task.link, f"hierarchy.levels[{i}] {task.segment}") for task in level.tasks if task.link]
     for name, place in wanted:
         if name not in links:
             raise _missing(profile, "link", name, links, place)
@@ -161,6 +168,9 @@ def _check_names(profile: RobotProfile, model: Any, joints: tuple[str, ...]) -> 
     named += [(entry.joint, "[tpose_exceptions]") for entry in profile.tpose_exceptions.values()]
     for name, place in named:
         if name not in joints:
+            raise _missing(profile, "joint", name, list(joints), place)
+    for name, place in control_patterns(profile):
+        if not matches(name, joints):
             raise _missing(profile, "joint", name, list(joints), place)
 
 

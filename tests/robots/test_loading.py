@@ -30,7 +30,7 @@ def refusal(path: str) -> str:
 
 def test_names_lists_the_folder() -> None:
     assert robots.names() == sorted(robots.names())
-    assert {"baxter", "g1", "human", "icub", "talos"} <= set(robots.names())
+    assert {"baxter", "g1", "human", "icub", "talos", "tocabi"} <= set(robots.names())
 
 
 @pytest.mark.parametrize(("name", "near"), [("g2", "g1"), ("iCub", "icub"), ("tallos", "talos"), ("baxtre", "baxter")])

@@ -19,8 +19,15 @@ from retarget.core.solve.dynamical import DynamicalOptions, solve
 from retarget.core.solve.problem import orientation_problem
 from retarget.core.types import HumanMotion
 
-DEGREES_OF_FREEDOM = {"baxter": 15, "g1": 29, "human": 66, "icub": 32, "talos": 30}
-MASS_KG = {"baxter": (70, 140), "g1": (30, 40), "human": (70, 75), "icub": (22, 33), "talos": (85, 100)}
+DEGREES_OF_FREEDOM = {"baxter": 15, "g1": 29, "human": 66, "icub": 32, "talos": 30, "tocabi": 33}
+MASS_KG = {
+    "baxter": (70, 140),
+    "g1": (30, 40),
+    "human": (70, 75),
+    "icub": (22, 33),
+    "talos": (85, 100),
+    "tocabi": (95.5, 100),
+}
 """Ranges around what makers and papers state; Baxter with and without its pedestal."""
 
 
