@@ -22,7 +22,7 @@ from tests.core.mapping.operators import arm, authors_arms, calibration_of, movi
 MotionFactory = Callable[..., HumanMotion]
 RobotBuilder = Callable[[str], Any]
 TIME = np.arange(90) / 90
-ROBOTS = ["g1", "icub", "talos", "baxter"]
+ROBOTS = ["tocabi", "g1", "icub", "talos", "baxter"]
 MAPPINGS = ["hand_position", "proportional", "absolute"]
 SIX = ("T8", "Head", "LeftUpperArm", "RightUpperArm", "LeftHand", "RightHand")
 DIRECTIONS = {
@@ -142,7 +142,9 @@ def test_orientations_and_normals_in_t_pose_are_the_robots_own(
         assert rotations.rotate(task.value[0], hand.palm) == pytest.approx([0, 0, -1], abs=1e-4)
     if "Head" in axes:
         assert axes["Head"].value == pytest.approx(np.tile([1.0, 0.0, 0.0], (3, 1)), abs=1e-9)
-    assert all((task.level, task.weight[0]) in ((0, 50.0), (1, 50.0), (1, 5.0), (2, 5.0)) for task in found.tasks)
+    assert all(
+        (task.level, task.weight[0]) in ((0, 50.0), (1, 50.0), (1, 5.0), (2, 5.0), (3, 5.0)) for task in found.tasks
+    )
 
 
 def test_feed_forwards_are_the_targets_own_rates(make_motion: MotionFactory, build_robot: RobotBuilder) -> None:
@@ -184,7 +186,7 @@ def test_the_authors_operator_in_the_authors_poses(
 def test_baselines_in_closed_form(make_motion: MotionFactory, build_robot: RobotBuilder) -> None:
     model = build_robot("g1")
     motion = replace(moving(make_motion, TIME), calibration=calibration_of(make_motion))
-    length = arm_frames(model)["Left"].length_m
+    length = np.mean([own.length_m for own in arm_frames(model).values()])
     for side in ("Left", "Right"):
         hand = motion.position[:, motion.index(f"{side}Hand")] - motion.position[:, motion.index("Pelvis")]
         one = tasks_of(mapping.load("absolute").targets(motion, model), "position")[f"{side}Hand"].value

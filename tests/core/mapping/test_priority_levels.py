@@ -54,3 +54,21 @@ def test_the_profile_has_the_last_word(arm_robot: Callable[..., robot_model.Robo
     own = (Level((LevelTask("T8", "orientation", 3.0),)),)
     model = arm_robot(hierarchy=replace(Hierarchy(), levels=own))
     assert priority_levels(model) == own
+
+
+def test_what_would_be_derived_for_tocabi_is_the_papers_table(build_robot: RobotBuilder) -> None:
+    """Its profile states the table of the paper, down to axes, gains and weights; only the shoulders, its last level, can't be derived."""
+    model = build_robot("tocabi")
+    stated = model.profile.hierarchy.levels
+    bare = replace(model, profile=replace(model.profile, hierarchy=Hierarchy()))
+    derived = priority_levels(bare)
+    assert len(stated) == 4
+    assert {task.segment for task in stated[3].tasks} == {"LeftShoulder", "RightShoulder"}
+    for ours, theirs in zip(derived, stated, strict=False):
+        assert (ours.weight, ours.acceleration_s2) == (theirs.weight, theirs.acceleration_s2)
+        by_name = {(task.segment, task.kind): task for task in theirs.tasks}
+        assert [(task.segment, task.kind) for task in ours.tasks] == list(by_name)
+        for task in ours.tasks:
+            other = by_name[task.segment, task.kind]
+            assert task.gain == other.gain
+            assert task.axis == pytest.approx(other.axis, abs=1e-6)
