@@ -19,8 +19,8 @@ ACCELERATION_S2 = 4e-5
 def priority_levels(model: RobotModel) -> tuple[Level, ...]:
     """The profile's levels; where it declares none: chest orientation, hands (position, orientation) with the head's x-axis, normals of the arm planes.
 
-    Derived levels leave out what the robot lacks: a chest that no joint moves, a head, elbows that are no hinges. Shoulders follow only
-    where a profile names their link, for few robots can shrug.
+    Derived levels leave out what the robot lacks: a chest that no joint moves, a head, elbows that are no hinges. They keep their places, so a
+    level may be empty. Shoulders follow only where a profile names their link, for few robots can shrug.
     """
     if model.profile.hierarchy.levels:
         return model.profile.hierarchy.levels
@@ -36,12 +36,11 @@ def priority_levels(model: RobotModel) -> tuple[Level, ...]:
         for limb in (model.limbs.get(f"{side}UpperArm") for side in SIDES)
         if limb is not None and limb.hinge is not None
     ]
-    found = (
+    return (
         Level(tuple(chest), HIGH_WEIGHT),
         Level(tuple(hands), HIGH_WEIGHT),
         Level(tuple(upper), LOW_WEIGHT, ACCELERATION_S2),
     )
-    return tuple(level for level in found if level.tasks)
 
 
 def _moves(model: RobotModel, segment: str) -> bool:

@@ -1,7 +1,7 @@
 """What the three hand mappings of [Lim2022] share: everything but where the hands should be.
 
 The robot stands upright on its base at the origin, facing +X, and its base doesn't move; targets are in its world. The person is seen in the operator
-frame. Levels, gains and weights of the tasks are the robot's (`priority_levels`).
+frame. Levels and gains are the robot's (`priority_levels`); tasks of one level weigh alike, and what the level weighs is the solver's affair.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def targets_of(
     tasks = []
     for number, level in enumerate(priority_levels(model)):
         for wanted in level.tasks:
-            common = {"gain": wanted.gain, "level": number, "weight": np.array(level.weight), "segment": wanted.segment}
+            common = {"gain": wanted.gain, "level": number, "segment": wanted.segment}
             if wanted.kind == "position":
                 side = wanted.segment.removesuffix("Hand")
                 if side not in SIDES:

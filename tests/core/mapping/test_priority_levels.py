@@ -29,7 +29,7 @@ UPPER_ARMS = [("LeftUpperArm", "axis"), ("RightUpperArm", "axis")]
         ("icub", [[("T8", "orientation")], [*HANDS, ("Head", "axis")], UPPER_ARMS]),
         ("talos", [[("T8", "orientation")], [*HANDS, ("Head", "axis")], UPPER_ARMS]),
         ("g1", [[("T8", "orientation")], HANDS, UPPER_ARMS]),
-        ("baxter", [[*HANDS, ("Head", "axis")], UPPER_ARMS]),
+        ("baxter", [[], [*HANDS, ("Head", "axis")], UPPER_ARMS]),
     ],
 )
 def test_derived_from_the_links(build_robot: RobotBuilder, name: str, expected: list[list[tuple[str, str]]]) -> None:
