@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from retarget.core.calibration import SIDES
+from retarget.core.calibration import SIDES, Calibration
 from retarget.core.kinematics import link_poses
 from retarget.core.mapping import Mapping
+from retarget.core.mapping.arm_frames import arm_frames
 from retarget.core.mapping.operator_arms import hand_point
 from retarget.core.mapping.telemanipulation import operator_of, targets_of
+from retarget.core.mapping.trunk import shoulder_points
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array, HumanMotion, Targets
 
@@ -26,10 +28,24 @@ def pelvis_origin(model: RobotModel) -> Array:
     return np.array(link_poses(model, [link], model.reference_posture[None])[1][0, 0])
 
 
-def targets(motion: HumanMotion, model: RobotModel, *, height_m: float = HEIGHT_M) -> Targets:
-    """Tasks of all levels, hands one to one. Raises `MotionError` without a calibration or positions of chest and hands."""
+def height_between_shoulders(model: RobotModel, calibration: Calibration, scale: float) -> float:
+    """How far (m) hands scaled by `scale` have to be raised so that a hand at the operator's shoulders' height is at the robot's."""
+    upright = np.array([[1.0, 0.0, 0.0, 0.0]])
+    robot = np.mean([point[0, 2] for point in shoulder_points(model, arm_frames(model), upright).values()])
+    human = np.mean([calibration.arms[side].shoulder[2] for side in SIDES])
+    return float(robot - pelvis_origin(model)[2] - scale * human)
+
+
+def targets(motion: HumanMotion, model: RobotModel, *, height_m: float | None = HEIGHT_M) -> Targets:
+    """Tasks of all levels, hands one to one.
+
+    height_m: how much the hands are raised; None = as shoulders differ, which is fairer to robots other than TOCABI. Raises `MotionError` without a
+    calibration or positions of chest and hands.
+    """
     operator, calibration = operator_of(motion, model)
     origin = pelvis_origin(model)
+    if height_m is None:
+        height_m = height_between_shoulders(model, calibration, 1.0)
     hands = {side: origin + one_to_one(hand_point(operator, calibration, side), height_m) for side in SIDES}
     return targets_of("absolute", operator, calibration, model, hands)
 

@@ -44,22 +44,12 @@ class ArmFrame:
 
 
 def arm_frames(model: RobotModel) -> dict[str, ArmFrame]:
-    """ "Left", "Right" → the robot's arm. Raises `ProfileError` where neither the profile nor the geometry tells, or names a link that is not there."""
+    """ "Left", "Right" → the robot's arm. Raises `ProfileError` where neither the profile nor the geometry tells."""
     return {side: _arm_frame(model, side) for side in SIDES}
 
 
 def _arm_frame(model: RobotModel, side: str) -> ArmFrame:
     arm = model.profile.arms.get(side) or _derived(model, side)
-    for key, link in (
-        ("shoulder_link", arm.shoulder_link),
-        ("hand_link", arm.hand_link),
-        ("elbow_link", arm.elbow_link),
-    ):
-        if link and not model.pin_model.existBodyName(link):
-            raise ProfileError(
-                model.profile.origin or model.profile.name, f"the model has no link '{link}'",
-                place=f"[arms.{side}] {key}", expected="a link of the model",
-            )  # fmt: skip
     elbow_link, elbow = arm.elbow_link, np.zeros(3)
     upper = model.limbs.get(f"{side}UpperArm")
     if not elbow_link and upper is not None:

@@ -10,16 +10,14 @@ from __future__ import annotations
 import numpy as np
 from retarget.core import rotations
 from retarget.core.calibration import SIDES
-from retarget.core.kinematics import link_poses
 from retarget.core.mapping import Mapping
-from retarget.core.mapping.arm_frames import ArmFrame, arm_frames
+from retarget.core.mapping.arm_frames import arm_frames
 from retarget.core.mapping.hand_blend import blended_hands, pulled_within_reach
 from retarget.core.mapping.hand_weights import HandLimits, mapping_weights
-from retarget.core.mapping.link_rotations import from_reference_posture
 from retarget.core.mapping.operator_arms import hand_from_shoulder, hand_point
 from retarget.core.mapping.relative_orientation import turned_since_still
 from retarget.core.mapping.telemanipulation import operator_of, targets_of
-from retarget.core.mapping.trunk import trunk_joints
+from retarget.core.mapping.trunk import shoulder_points
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array, HumanMotion, Targets
 
@@ -44,7 +42,7 @@ def targets(
     limits = HandLimits(weight_lower=weight_box[0], weight_upper=weight_box[1])
     arms = arm_frames(model)
     turned = turned_since_still(operator, calibration, "T8")
-    shoulders = shoulder_targets(model, arms, turned)
+    shoulders = shoulder_points(model, arms, turned)
     hands = {}
     for side in SIDES:
         seen = hand_from_shoulder(operator, calibration, side)
@@ -67,16 +65,6 @@ def within_reach(point: Array, length_m: float) -> Array:
     direction = np.where(distance > 1e-9, point / np.maximum(distance, 1e-9), [1.0, 0.0, 0.0])
     allowed = distance.clip(NEAREST_M, length_m)
     return np.where(allowed == distance, point, direction * allowed)
-
-
-def shoulder_targets(model: RobotModel, arms: dict[str, ArmFrame], turned: Array) -> dict[str, Array]:
-    """Side → (T, 3) m, world: the robot's shoulder centres while its chest is turned by `turned` (T, 4) wxyz from the reference posture."""
-    joints = np.tile(model.reference_posture, (len(turned), 1))
-    if "T8" in model.links:
-        upright = rotations.from_matrix(from_reference_posture(model, {"T8": model.links["T8"]})["T8"])
-        joints = trunk_joints(model, model.links["T8"], rotations.multiply(turned, upright))
-    rotation, origin = link_poses(model, [arms[side].shoulder_link for side in SIDES], joints)
-    return {side: origin[:, i] + rotation[:, i] @ arms[side].shoulder for i, side in enumerate(SIDES)}
 
 
 MAPPING = Mapping(

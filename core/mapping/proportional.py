@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from retarget.core.calibration import SIDES
 from retarget.core.mapping import Mapping
-from retarget.core.mapping.absolute import HEIGHT_M, one_to_one, pelvis_origin
+from retarget.core.mapping.absolute import HEIGHT_M, height_between_shoulders, one_to_one, pelvis_origin
 from retarget.core.mapping.arm_frames import arm_frames
 from retarget.core.mapping.operator_arms import hand_point
 from retarget.core.mapping.telemanipulation import operator_of, targets_of
@@ -21,12 +21,14 @@ def in_proportion(hand: Array, robot_arm_m: float, human_arm_m: float, height_m:
     return one_to_one(USED_REACH * robot_arm_m / human_arm_m * hand, height_m)
 
 
-def targets(motion: HumanMotion, model: RobotModel, *, height_m: float = HEIGHT_M) -> Targets:
-    """Tasks of all levels, hands in proportion; arm lengths are means of left and right. Raises `MotionError` as `absolute` does."""
+def targets(motion: HumanMotion, model: RobotModel, *, height_m: float | None = HEIGHT_M) -> Targets:
+    """Tasks of all levels, hands in proportion; arm lengths are means of left and right. `height_m` and what is raised: as in `absolute`."""
     operator, calibration = operator_of(motion, model)
     origin = pelvis_origin(model)
     robot = float(np.mean([arm.length_m for arm in arm_frames(model).values()]))
     human = float(np.mean([calibration.arms[side].length_m for side in SIDES]))
+    if height_m is None:
+        height_m = height_between_shoulders(model, calibration, USED_REACH * robot / human)
     hands = {
         side: origin + in_proportion(hand_point(operator, calibration, side), robot, human, height_m) for side in SIDES
     }

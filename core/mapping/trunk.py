@@ -7,9 +7,12 @@ is counted from the shoulder [Lim2022 sec. II-C] then starts where the robot's s
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from retarget.core import rotations
-from retarget.core.kinematics import axis_frames
+from retarget.core.kinematics import axis_frames, link_poses
+from retarget.core.mapping.arm_frames import ArmFrame
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array
 
@@ -56,6 +59,17 @@ def trunk_joints(model: RobotModel, link: str, orientation: Array) -> Array:
             break
     joints[:, columns] = values
     return joints
+
+
+def shoulder_points(model: RobotModel, arms: Mapping[str, ArmFrame], turned: Array) -> dict[str, Array]:
+    """Side → (T, 3) m, world: the robot's shoulder centres while its chest is turned by `turned` (T, 4) wxyz against the reference posture."""
+    joints = np.tile(model.reference_posture, (len(turned), 1))
+    if "T8" in model.links:
+        link = model.links["T8"]
+        upright = link_poses(model, [link], model.reference_posture[None])[0][0, 0]
+        joints = trunk_joints(model, link, rotations.multiply(turned, rotations.from_matrix(upright)))
+    rotation, origin = link_poses(model, [arm.shoulder_link for arm in arms.values()], joints)
+    return {side: origin[:, i] + rotation[:, i] @ arm.shoulder for i, (side, arm) in enumerate(arms.items())}
 
 
 def _step(jacobian: Array, error: Array, values: Array, low: Array, high: Array) -> Array:

@@ -41,7 +41,7 @@ def test_real_robots(build_robot: RobotBuilder, name: str, table: bool) -> None:
         joints = np.array(model.reference_posture)
         elbow = model.joint_index(model.pin_model.names[model.link_in_joint(model.links[f"{side}ForeArm"])[0]])
         lengths = []
-        for angle in np.linspace(model.lower[elbow], model.upper[elbow], 200):
+        for angle in np.linspace(model.lower[elbow], model.upper[elbow], 80):
             joints[elbow] = angle
             hand = world(model, joints, arm.hand_link, arm.hand)
             lengths.append(np.linalg.norm(hand - world(model, joints, arm.shoulder_link, arm.shoulder)))
@@ -72,6 +72,3 @@ def test_the_profile_has_the_last_word(arm_robot: Callable[..., Any]) -> None:
 def test_what_is_missing_is_named(arm_robot: Callable[..., Any]) -> None:
     with pytest.raises(ProfileError, match=r"needs the right arm, but \[links\] lacks RightUpperArm and RightForeArm"):
         arm_frames(arm_robot())
-    wrong = Arm("trunk", (0.0, 0.2, 0.4), "hnad", (0.0, 0.0, 0.0))
-    with pytest.raises(ProfileError, match=r"\[arms.Left\] hand_link: the model has no link 'hnad'"):
-        arm_frames(arm_robot(arms={"Left": wrong, "Right": wrong}))
