@@ -58,16 +58,22 @@ def hand_paths(targets: Targets) -> dict[str, Array]:
 
 
 def circle_indices(
-    motion: HumanMotion, model: RobotModel, mappings: Sequence[str] = HAND_MAPPINGS
+    motion: HumanMotion,
+    model: RobotModel,
+    mappings: Sequence[str] = HAND_MAPPINGS,
+    window_s: tuple[float, float] | None = None,
 ) -> dict[str, dict[str, float]]:
     """Side → {"original": index of the operator's own path, mapping's name: of the robot's target path} [Lim2022 table IV].
 
-    motion: one in which both hands draw circles in front of the person, with its calibration.
+    motion: one in which both hands draw circles in front of the person, with its calibration. window_s: (start, end), when they do; None =
+    throughout. Raises `InvalidDataError` for a window with fewer than three frames.
     """
     operator, calibration = operator_of(motion, model)
     paths = {ORIGINAL: {side: hand_point(operator, calibration, side) for side in SIDES}}
     paths |= {name: hand_paths(load(name).targets(motion, model)) for name in mappings}
-    return {side: {name: circle_index(path[side]) for name, path in paths.items()} for side in SIDES}
+    start, end = window_s or (-np.inf, np.inf)
+    drawn = (motion.time >= start) & (motion.time <= end)
+    return {side: {name: circle_index(path[side][drawn]) for name, path in paths.items()} for side in SIDES}
 
 
 def arm_direction_errors(trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion) -> dict[str, Array]:

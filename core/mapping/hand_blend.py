@@ -3,27 +3,28 @@
 Hands mapped from their own shoulders keep a gap, or cross, where the operator's touch, because shoulders and arms have other proportions. Between
 FAR_M and CONTACT_M of distance D between the operator's hands, the vector d between the robot's hands turns into the operator's own, o:
 
-    d' = (1 - s) d + s o,    s = minimum_jerk((FAR_M - D) / (FAR_M - CONTACT_M)),
+    d' = (1 - s) d + s o,    s = 3u² - 2u³,    u = (FAR_M - D) / (FAR_M - CONTACT_M) within 0 and 1,
 
-about the unchanged midpoint. s has a continuous second derivative, so the targets move as smoothly as the hands do; beyond FAR_M nothing changes, and
-from CONTACT_M inward the robot's hands are exactly as far apart, in the same direction, as the operator's. No mode is switched and nothing remembered.
+about the unchanged midpoint. s has a continuous derivative, so the targets move without a jerk, by at most 1.5 |d - o| / (FAR_M - CONTACT_M) more
+than unblended per metre that the operator's hands approach. Beyond FAR_M nothing changes, and from CONTACT_M inward the robot's hands are exactly as
+far apart, in the same direction, as the operator's. No mode is switched and nothing remembered.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from retarget.core.timebase import minimum_jerk
 from retarget.core.types import Array
 
 FAR_M = 0.4
-CONTACT_M = 0.1
-"""Distance of the hand points when palms touch, with room for gloves and for an object as thin as a book."""
+CONTACT_M = 0.06
+"""Distance of the hand points when palms touch, with room for gloves."""
 
 
 def blended_hands(left: Array, right: Array, operator: Array) -> tuple[Array, Array]:
     """The robot's hand points (T, 3) m, left and right, blended. operator: (T, 3) m, the operator's left hand point less the right one, same axes."""
     distance = np.linalg.norm(operator, axis=1, keepdims=True)
-    share = minimum_jerk((FAR_M - distance) / (FAR_M - CONTACT_M))
+    near = ((FAR_M - distance) / (FAR_M - CONTACT_M)).clip(0.0, 1.0)
+    share = near**2 * (3.0 - 2.0 * near)
     half = 0.5 * ((1.0 - share) * (left - right) + share * operator)
     middle = 0.5 * (left + right)
     # Untouched to the last digit where the hands are far apart.

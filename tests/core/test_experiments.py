@@ -124,6 +124,23 @@ def test_circle_indices_of_a_clip(make_motion: MotionFactory, build_robot: Calla
             assert found[side][name] == pytest.approx(found[side]["original"], abs=1e-9)
 
 
+def test_only_the_window_counts(make_motion: MotionFactory, build_robot: Callable[[str], Any]) -> None:
+    """Two seconds of a circle, then a second of standing with arms out."""
+    time = np.arange(270) / 90
+    motion = make_motion(time, calibration=calibration_of(make_motion))
+    position = np.array(motion.position)
+    for side, out in (("Left", 1), ("Right", -1)):
+        path = circle(0.1, (0.3, out * 0.2, 0.4), 181)
+        position[:180, motion.index(f"{side}Hand")] = position[:180, motion.index("Pelvis")] + path
+    motion = replace(motion, position=position)
+    model = build_robot("tocabi")
+    within = experiments.circle_indices(motion, model, ["absolute", "hand_position"], (0.0, 2.0 - 1e-6))
+    assert all(index < 1e-9 for side in within.values() for index in side.values())
+    assert experiments.circle_indices(motion, model, ["absolute"])["Left"]["absolute"] > 0.1
+    with pytest.raises(InvalidDataError, match=r"found points of shape \(0, 3\)"):
+        experiments.circle_indices(motion, model, ["absolute"], (5.0, 6.0))
+
+
 @pytest.mark.parametrize("name", ["g1", "tocabi"])
 def test_arm_directions(make_motion: MotionFactory, build_robot: Callable[[str], Any], name: str) -> None:
     """A robot in its T-pose: one with arms forward is a right angle off. Its elbows lie off the line from shoulder to hand, by up to 6°."""

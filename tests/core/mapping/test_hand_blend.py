@@ -41,13 +41,15 @@ def test_the_midpoint_stays() -> None:
 
 
 def test_it_is_once_continuously_differentiable() -> None:
-    """Central differences over the whole range: slopes stay below 1 + 1.875 |d - o| / (FAR - CONTACT), and change by O(step)."""
+    """Central differences over the whole range: slopes stay below 1 + 1.5 |d - o| / (FAR - CONTACT), and change by O(step)."""
     step = 1e-5
     distance = np.arange(0.01, 0.5, step)
     slope = np.diff(gap(distance), axis=0) / step
-    largest = 1 + 1.875 * np.linalg.norm(LEFT - RIGHT - apart(distance), axis=1).max() / (FAR_M - CONTACT_M)
+    largest = 1 + 1.5 * np.linalg.norm(LEFT - RIGHT - apart(distance), axis=1).max() / (FAR_M - CONTACT_M)
     assert np.linalg.norm(slope, axis=1).max() < largest
-    curvature = 5.7735 / (FAR_M - CONTACT_M) ** 2 * 0.7 + 2 * 1.875 / (FAR_M - CONTACT_M)  # |s''| ≤ 10/√3
+    curvature = 6 / (FAR_M - CONTACT_M) ** 2 * 0.7 + 2 * 1.5 / (
+        FAR_M - CONTACT_M
+    )  # |s''| ≤ 6, |d - o| < 0.7, |s'| ≤ 1.5
     assert np.linalg.norm(np.diff(slope, axis=0), axis=1).max() < curvature * step * 1.01
 
 
