@@ -1,4 +1,4 @@
-"""The experiments of [Lim2022 sec. IV] as functions: how round a drawn circle stays, what becomes of a square, where the arms point."""
+"""The experiments of [Lim2022 sec. IV] as functions: the circle's index, the ideal square, where the arms point."""
 
 from __future__ import annotations
 
@@ -22,10 +22,12 @@ ORIGINAL = "original"
 
 
 def circle_index(points: Array) -> float:
-    """How far a hand's path is from a circle in the frontal plane: RMS error of the fitted circle over its radius, without unit [Lim2022 sec. IV-A].
+    """How far a hand's path is from a circle in the frontal plane: RMS error of the fitted circle over its radius, without unit
+    [Lim2022 sec. IV-A].
 
-    points: (T, 3), x forward. Centre: the mean of all points. Radius: the mean distance from it in the y-z plane. 0 is a circle; neither shifting nor
-    scaling the path changes it. Raises `InvalidDataError` for fewer than three points, and for a path without extent in that plane.
+    points: (T, 3), x forward. Centre: the mean of all points. Radius: the mean distance from it in the y-z plane. 0 is a circle;
+    neither shifting nor scaling the path changes it. Raises `InvalidDataError` for fewer than three points, and for a path
+    without extent in that plane.
     """
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 3 or not np.isfinite(points).all():
         raise InvalidDataError(f"circle index: found points of shape {points.shape}, expected (T, 3), T ≥ 3, finite")
@@ -40,7 +42,8 @@ def circle_index(points: Array) -> float:
 
 
 def ideal_square(centre: Sequence[float], side_m: float, per_side: int = 50) -> Array:
-    """A square (4 · per_side + 1, 3) m in the y-z plane about `centre`, drawn at constant speed from its upper left corner and closed [Lim2022 fig. 6]."""
+    """A square (4 · per_side + 1, 3) m in the y-z plane about `centre`, drawn at constant speed from its upper left corner and
+    closed [Lim2022 fig. 6]."""
     corners = 0.5 * side_m * np.array([[0, 1, 1], [0, -1, 1], [0, -1, -1], [0, 1, -1], [0, 1, 1]], float)
     along = np.arange(per_side)[:, None] / per_side
     edges = [begin + along * (end - begin) for begin, end in pairwise(corners)]
@@ -48,7 +51,8 @@ def ideal_square(centre: Sequence[float], side_m: float, per_side: int = 50) -> 
 
 
 def between_bases(hand: Array, human: Array, robot: Array) -> Array:
-    """B_r B_h⁻¹ h: what the mapping of [Lim2022 eq. 3] makes of hand points (T, 3), seen from the shoulder, where no limit is active. Bases (3, 3)."""
+    """B_r B_h⁻¹ h: what the mapping of [Lim2022 eq. 3] makes of hand points (T, 3), seen from the shoulder, where no limit is
+    active. Bases (3, 3)."""
     return np.asarray(np.linalg.solve(human.T, robot.T).T @ hand[..., None])[..., 0]
 
 
@@ -65,8 +69,8 @@ def circle_indices(
 ) -> dict[str, dict[str, float]]:
     """Side → {"original": index of the operator's own path, mapping's name: of the robot's target path} [Lim2022 table IV].
 
-    motion: one in which both hands draw circles in front of the person, with its calibration. window_s: (start, end), when they do; None =
-    throughout. Raises `InvalidDataError` for a window with fewer than three frames.
+    motion: one in which both hands draw circles in front of the person, with its calibration. window_s: (start, end), when they
+    do; None = throughout. Raises `InvalidDataError` for a window with fewer than three frames.
     """
     operator, calibration = operator_of(motion, model)
     paths = {ORIGINAL: {side: hand_point(operator, calibration, side) for side in SIDES}}
@@ -77,10 +81,12 @@ def circle_indices(
 
 
 def arm_direction_errors(trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion) -> dict[str, Array]:
-    """Line → angle (T,) in degrees between the operator's and the robot's: {Left,Right}UpperArm, ForeArm (elbow to hand), Arm (shoulder to hand).
+    """Line → angle (T,) in degrees between the operator's and the robot's: {Left,Right}UpperArm, ForeArm (elbow to hand), Arm
+    (shoulder to hand).
 
-    The visual similarity of [Lim2022 sec. IV-C] as a number. `motion` is what was retargeted, frame for frame, with its calibration; the robot's base
-    stands upright, the person is seen in the operator frame. Lines that start or end at an elbow are left out where robot or person has none known.
+    The visual similarity of [Lim2022 sec. IV-C] as a number. `motion` is what was retargeted, frame for frame, with its
+    calibration; the robot's base stands upright, the person is seen in the operator frame. Lines that start or end at an elbow
+    are left out where robot or person has none known.
     """
     operator, calibration = operator_of(motion, model)
     arms = arm_frames(model)

@@ -1,4 +1,4 @@
-"""Hands one to one, a baseline of [Lim2022 sec. IV-C]: the robot's hand is where the operator's is, seen from the pelvis, raised by a constant."""
+"""Hands one to one, a baseline of [Lim2022 sec. IV-C]: where the operator's are, seen from the pelvis, raised by a constant."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ def pelvis_origin(model: RobotModel) -> Array:
 
 
 def height_between_shoulders(model: RobotModel, calibration: Calibration, scale: float) -> float:
-    """How far (m) hands scaled by `scale` have to be raised so that a hand at the operator's shoulders' height is at the robot's."""
+    """How far (m) hands scaled by `scale` have to be raised so that a hand at the operator's shoulders' height is at the
+    robot's."""
     upright = np.array([[1.0, 0.0, 0.0, 0.0]])
     robot = np.mean([point[0, 2] for point in shoulder_points(model, arm_frames(model), upright).values()])
     human = np.mean([calibration.arms[side].shoulder[2] for side in SIDES])
@@ -39,8 +40,8 @@ def height_between_shoulders(model: RobotModel, calibration: Calibration, scale:
 def targets(motion: HumanMotion, model: RobotModel, *, height_m: float | None = HEIGHT_M) -> Targets:
     """Tasks of all levels, hands one to one.
 
-    height_m: how much the hands are raised; None = as shoulders differ, which is fairer to robots other than TOCABI. Raises `MotionError` without a
-    calibration or positions of chest and hands.
+    height_m: how much the hands are raised; None = as shoulders differ, which is fairer to robots other than TOCABI. Raises
+    `MotionError` without a calibration or positions of chest and hands.
     """
     operator, calibration = operator_of(motion, model)
     origin = pelvis_origin(model)

@@ -1,7 +1,7 @@
 """Where a robot's arms begin and end: the shoulder's centre on the trunk, the hand point, the length between them.
 
-From the profile's [arms] where it has them, else from the geometry of the limbs: the centre in which the shoulder's axes meet, carried by the
-chest's link, and the origin of the hand's link. So a robot needs no new table for hand mappings.
+From the profile's [arms] where it has them, else from the geometry of the limbs: the centre in which the shoulder's axes meet,
+carried by the chest's link, and the origin of the hand's link. So a robot needs no new table for hand mappings.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ STRETCH_SAMPLES = 2001
 class ArmFrame:
     """One arm. shoulder: (3,) m in the frame of `shoulder_link`, which the arm doesn't move. hand: (3,) m in that of `hand_link`.
 
-    length_m: from shoulder to hand point, arm stretched. elbow: (3,) m in the frame of `elbow_link`; elbow_link is "" where it is unknown.
+    length_m: from shoulder to hand point, arm stretched. elbow: (3,) m in the frame of `elbow_link`; elbow_link is "" where it is
+    unknown.
     """
 
     side: str
@@ -38,7 +39,8 @@ class ArmFrame:
 
     @property
     def basis(self) -> Array:
-        """B of [Lim2022 eq. 6] for the robot: (3, 3) m, columns Still, T, Forward, in the world axes of the robot standing upright facing +X."""
+        """B of [Lim2022 eq. 6] for the robot: (3, 3) m, columns Still, T, Forward, in the world axes of the robot standing
+        upright facing +X."""
         out = 1.0 if self.side == "Left" else -1.0
         return self.length_m * np.array([[0.0, 0.0, 1.0], [0.0, out, 0.0], [-1.0, 0.0, 0.0]])
 
@@ -79,7 +81,8 @@ def _derived(model: RobotModel, side: str) -> Arm:
 
 
 def _stretched_length(model: RobotModel, side: str, shoulder: tuple[str, Array], hand: tuple[str, Array]) -> float:
-    """The largest distance (m) between two points, each (link, (3,) in its frame), over the elbow's range; other joints as in the reference posture."""
+    """The largest distance (m) between two points, each (link, (3,) in its frame), over the elbow's range; other joints as in the
+    reference posture."""
     joints = np.tile(model.reference_posture, (STRETCH_SAMPLES, 1))
     elbow = _elbow_joint(model, side)
     if elbow is not None:

@@ -1,13 +1,15 @@
 """Hands that meet when the operator's meet: closing the gap of [Lim2022 sec. V].
 
-Hands mapped from their own shoulders keep a gap, or cross, where the operator's touch, because shoulders and arms have other proportions. Between
-FAR_M and CONTACT_M of distance D between the operator's hands, the vector d between the robot's hands turns into the operator's own, o:
+Hands mapped from their own shoulders keep a gap, or cross, where the operator's touch, because shoulders and arms have other
+proportions. Between FAR_M and CONTACT_M of distance D between the operator's hands, the vector d between the robot's hands turns
+into the operator's own, o:
 
     d' = (1 - s) d + s o,    s = 3u² - 2u³,    u = (FAR_M - D) / (FAR_M - CONTACT_M) within 0 and 1,
 
-about the unchanged midpoint. s has a continuous derivative, so the targets move without a jerk, by at most 1.5 |d - o| / (FAR_M - CONTACT_M) more
-than unblended per metre that the operator's hands approach. Beyond FAR_M nothing changes, and from CONTACT_M inward the robot's hands are exactly as
-far apart, in the same direction, as the operator's. No mode is switched and nothing remembered.
+about the unchanged midpoint. s has a continuous derivative, so the targets move without a jerk, by at most 1.5 |d - o| / (FAR_M -
+CONTACT_M) more than unblended per metre that the operator's hands approach. Beyond FAR_M nothing changes, and from CONTACT_M
+inward the robot's hands are exactly as far apart, in the same direction, as the operator's. No mode is switched and nothing
+remembered.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ CONTACT_M = 0.06
 
 
 def blended_hands(left: Array, right: Array, operator: Array) -> tuple[Array, Array]:
-    """The robot's hand points (T, 3) m, left and right, blended. operator: (T, 3) m, the operator's left hand point less the right one, same axes."""
+    """The robot's hand points (T, 3) m, left and right, blended. operator: (T, 3) m, the operator's left hand point less the
+    right one, same axes."""
     distance = np.linalg.norm(operator, axis=1, keepdims=True)
     near = ((FAR_M - distance) / (FAR_M - CONTACT_M)).clip(0.0, 1.0)
     share = near**2 * (3.0 - 2.0 * near)
@@ -34,7 +37,8 @@ def blended_hands(left: Array, right: Array, operator: Array) -> tuple[Array, Ar
 def pulled_within_reach(
     left: Array, right: Array, shoulders: tuple[Array, Array], reach: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Both hand points moved together toward the point between the shoulders until each is within its arm's length (m); their difference stays.
+    """Both hand points moved together toward the point between the shoulders until each is within its arm's length (m); their
+    difference stays.
 
     Arms stretched forward can't also meet: keeping hands together matters more than how far out they are.
     """

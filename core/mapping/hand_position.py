@@ -1,8 +1,9 @@
-"""Hands by the operator's own calibration poses, the proposed method of [Lim2022 sec. II-C]: holding a pose puts the robot into that pose.
+"""Hands by the operator's own calibration poses [Lim2022 sec. II-C]: holding a pose puts the robot into that pose.
 
-The hand, seen from the shoulder, is a mixture w of the three calibration poses (`hand_weights`); the robot's hand is the same mixture of its own three
-poses, arm down, out and forward at full length: p = B_r w, kept between 0.1 m and the arm's length from the shoulder. The shoulder is the robot's
-own, where its waist puts it while the chest follows the person's, and the mixture turns with the chest.
+The hand, seen from the shoulder, is a mixture w of the three calibration poses (`hand_weights`); the robot's hand is the same
+mixture of its own three poses, arm down, out and forward at full length: p = B_r w, kept between 0.1 m and the arm's length from
+the shoulder. The shoulder is the robot's own, where its waist puts it while the chest follows the person's, and the mixture turns
+with the chest.
 """
 
 from __future__ import annotations
@@ -35,8 +36,9 @@ def targets(
 ) -> Targets:
     """Tasks of all levels, hands by their mapping vectors.
 
-    feed_forward: with ḣ of [Lim2022 eq. 9]; without it as in the authors' code. weight_box: bounds of w. blend_hands: let the robot's hands meet
-    when the operator's do (`hand_blend`). Raises `MotionError` without a calibration or positions of chest and hands.
+    feed_forward: with ḣ of [Lim2022 eq. 9]; without it as in the authors' code. weight_box: bounds of w. blend_hands: let the
+    robot's hands meet when the operator's do (`hand_blend`). Raises `MotionError` without a calibration or positions of chest and
+    hands.
     """
     operator, calibration = operator_of(motion, model)
     limits = HandLimits(weight_lower=weight_box[0], weight_upper=weight_box[1])
@@ -60,7 +62,8 @@ def targets(
 
 
 def within_reach(point: Array, length_m: float) -> Array:
-    """Points (T, 3) m from the shoulder, moved along their rays to between NEAREST_M and `length_m`; one at the shoulder itself goes forward."""
+    """Points (T, 3) m from the shoulder, moved along their rays to between NEAREST_M and `length_m`; one at the shoulder itself
+    goes forward."""
     distance = np.linalg.norm(point, axis=1, keepdims=True)
     direction = np.where(distance > 1e-9, point / np.maximum(distance, 1e-9), [1.0, 0.0, 0.0])
     allowed = distance.clip(NEAREST_M, length_m)

@@ -7,8 +7,8 @@ h = B w, with the columns of B the three calibration hand points seen from the s
 
 because the pseudo-inverse alone would let the hand jump and w leave its box. Three decisions of ours:
 
-- The authors' code adds 1e-5‖ẇ‖², which keeps ẇ small where B is nearly singular, and biases w everywhere. Here the same term weighs the
-  distance from the unconstrained answer B⁻¹v, so that w = B⁻¹h exactly as long as no limit is active.
+- The authors' code adds 1e-5‖ẇ‖², which keeps ẇ small where B is nearly singular, and biases w everywhere. Here the same term
+  weighs the distance from the unconstrained answer B⁻¹v, so that w = B⁻¹h exactly as long as no limit is active.
 - Between two frames the hand moves along a straight line, and the feed-forward ḣ is its exact velocity there: no lag is left.
 - A control step lasts at most 1 ms, whatever the recording's rate: a gain of 100/s needs gain · step ≤ 1.
 """
@@ -59,7 +59,8 @@ class HandLimits:
 
 @dataclass(frozen=True, eq=False)
 class HandWeights:
-    """w over a clip. weights: (T, 3), of Still, T and Forward. rate: (T, 3) 1/s, mean over the step that led to the frame, 0 in the first.
+    """w over a clip. weights: (T, 3), of Still, T and Forward. rate: (T, 3) 1/s, mean over the step that led to the frame, 0 in
+    the first.
 
     limited: (T,) whether a limit was active on the way to the frame.
     """
@@ -74,9 +75,9 @@ def mapping_weights(
 ) -> HandWeights:
     """The mapping vector of one hand.
 
-    time: (T,) s. hand: (T, 3) m, h of [Lim2022 eq. 3]: from the shoulder to the hand point, in the shoulder's frame as it was in the Still
-    pose. basis: (3, 3) m, columns Still, T, Forward in the same frame. Without `feed_forward` the hand is followed by feedback only, as in the
-    authors' code. The first frame is the hand's own answer, as near as the weights' box allows.
+    time: (T,) s. hand: (T, 3) m, h of [Lim2022 eq. 3]: from the shoulder to the hand point, in the shoulder's frame as it was in
+    the Still pose. basis: (3, 3) m, columns Still, T, Forward in the same frame. Without `feed_forward` the hand is followed by
+    feedback only, as in the authors' code. The first frame is the hand's own answer, as near as the weights' box allows.
 
     Raises `InvalidDataError` for a basis that doesn't span the space, and for a hand that is not finite.
     """

@@ -1,4 +1,4 @@
-"""The operator's shoulders, elbows and hands over time, and the plane of each arm. All in the operator frame (`operator_frame`), metres."""
+"""The operator's shoulders, elbows and hands over time, and the plane of each arm: in the operator frame, metres."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from retarget.core.mapping.relative_orientation import mapped_orientation, turne
 from retarget.core.types import Array, HumanMotion
 
 UPPER_ARM_SHARE = 0.48
-"""Shoulder to elbow over shoulder to hand point, of a stretched arm: 0.186 of the body's height over 0.186 + 0.146 + half a hand's 0.108
-[Winter, Biomechanics and Motor Control of Human Movement, fig. 4.1]. The arm's plane does not depend on it."""
+"""Shoulder to elbow over shoulder to hand point, of a stretched arm: 0.186 of the body's height over 0.186 + 0.146 + half a
+hand's 0.108 [Winter, Biomechanics and Motor Control of Human Movement, fig. 4.1]. The arm's plane does not depend on it."""
 
 
 def position_of(motion: HumanMotion, segment: str) -> Array:
@@ -28,7 +28,7 @@ def position_of(motion: HumanMotion, segment: str) -> Array:
 
 
 def hand_point(motion: HumanMotion, calibration: Calibration, side: str) -> Array:
-    """The hand point (T, 3): the segment's own position from trackers, which contains the mount's offset; else origin + R · offset."""
+    """The hand point (T, 3): a calibrated tracker's position, which contains the offset, else the segment's origin + R · offset."""
     segment = f"{side}Hand"
     position = position_of(motion, segment)
     offset = calibration.hand_offset_m.get(side)
@@ -45,7 +45,7 @@ def shoulder_point(motion: HumanMotion, calibration: Calibration, side: str) -> 
 
 
 def hand_from_shoulder(motion: HumanMotion, calibration: Calibration, side: str) -> Array:
-    """h = R_ch,init R_chᵀ (p_ha - p_sh), (T, 3): the hand seen from the shoulder, the chest's turning since the Still pose taken out."""
+    """h = R_ch,init R_chᵀ (p_ha - p_sh), (T, 3): the hand seen from the shoulder, in the chest's axes of the Still pose."""
     line = hand_point(motion, calibration, side) - shoulder_point(motion, calibration, side)
     return rotations.rotate(rotations.conjugate(turned_since_still(motion, calibration, "T8")), line)
 
@@ -65,7 +65,8 @@ def elbow_line(motion: HumanMotion, calibration: Calibration, side: str) -> tupl
 
 
 def arm_plane(motion: HumanMotion, calibration: Calibration, side: str) -> Array:
-    """Orientation (T, 4) wxyz of the upper arm, T-pose aligned: bone from shoulder to elbow, z the normal of shoulder, elbow and hand.
+    """Orientation (T, 4) wxyz of the upper arm, T-pose aligned: bone from shoulder to elbow, z the normal of shoulder, elbow and
+    hand.
 
     [Lim2022 fig. 4 and sec. III-B] align this normal; the paper takes it from the tracker's relative orientation alone. Here that
     stands in only as far as the arm is straight and shows no plane, and blends in smoothly (`limb_twist`).

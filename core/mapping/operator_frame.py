@@ -1,8 +1,9 @@
-"""The operator as the calibration saw them: a motion turned and shifted into the operator frame, whatever way the person has turned since.
+"""The operator as the calibration saw them: a motion in the operator frame, whatever way the person has turned since.
 
-A robot that stands still can't walk off with the person: where the pelvis is tracked, the frame goes along with it, turning about the vertical
-only; without it the frame stays where it was in the Still pose [Lim2022, the authors' code]. A robot without a waist (`base_segment` T8) gets the
-frame of the chest. Done twice it changes nothing, so it does not matter whether the heading had been taken out before.
+A robot that stands still can't walk off with the person: where the pelvis is tracked, the frame goes along with it, turning about
+the vertical only; without it the frame stays where it was in the Still pose [Lim2022, the authors' code]. A robot without a waist
+(`base_segment` T8) gets the frame of the chest. Done twice it changes nothing, so it does not matter whether the heading had been
+taken out before.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from retarget.core.types import Array, HumanMotion
 def in_operator_frame(motion: HumanMotion, calibration: Calibration, segment: str = "Pelvis") -> HumanMotion:
     """The motion in the operator frame of `calibration`: X forward, Y left, Z up, origin at the pelvis of the Still pose.
 
-    segment: "Pelvis" or "T8", which carries the frame; where it isn't measured the frame stands still, and a motion of calibrated trackers, which is
-    in it already (`core.calibrate.apply`), is returned as it is. In the Still pose the result is the same either way. Angular velocities are
-    dropped: they would hold the frame's own rate.
+    segment: "Pelvis" or "T8", which carries the frame; where it isn't measured the frame stands still, and a motion of calibrated
+    trackers, which is in it already (`core.calibrate.apply`), is returned as it is. In the Still pose the result is the same
+    either way. Angular velocities are dropped: they would hold the frame's own rate.
     """
     segment = "T8" if segment == "T8" else "Pelvis"
     if calibration.trackers and not motion.has(segment):

@@ -1,4 +1,5 @@
-"""Which tasks a robot follows at which priority [Lim2022 tables II, III]: the profile's own levels, or the paper's on the links it maps."""
+"""Which tasks a robot follows at which priority [Lim2022 tables II, III]: the profile's own levels, or the paper's on the links
+it maps."""
 
 from __future__ import annotations
 
@@ -17,10 +18,11 @@ ACCELERATION_S2 = 4e-5
 
 
 def priority_levels(model: RobotModel) -> tuple[Level, ...]:
-    """The profile's levels; where it declares none: chest orientation, hands (position, orientation) with the head's x-axis, normals of the arm planes.
+    """The profile's levels; where it declares none: chest orientation, hands (position, orientation) with the head's x-axis,
+    normals of the arm planes.
 
-    Derived levels leave out what the robot lacks: a chest that no joint moves, a head, elbows that are no hinges. They keep their places, so a
-    level may be empty. Shoulders follow only where a profile names their link, for few robots can shrug.
+    Derived levels leave out what the robot lacks: a chest that no joint moves, a head, elbows that are no hinges. They keep their
+    places, so a level may be empty. Shoulders follow only where a profile names their link, for few robots can shrug.
     """
     if model.profile.hierarchy.levels:
         return model.profile.hierarchy.levels

@@ -1,8 +1,9 @@
-"""The nearest point of a small polytope, exactly: a quadratic programme of three variables, solved by listing its vertices, edges and faces.
+"""The nearest point of a small polytope, exactly: a quadratic programme of three variables, solved by listing its vertices, edges
+and faces.
 
-For a strictly convex quadratic programme the answer is the minimum over one of the polytope's faces, and with three variables and six two-sided
-rows there are at most 233 of these. What each takes depends only on the metric and the rows, so it is computed once, and a solution is two
-small matrix products: as fast as an iterative solver, and without its tolerance.
+For a strictly convex quadratic programme the answer is the minimum over one of the polytope's faces, and with three variables and
+six two-sided rows there are at most 233 of these. What each takes depends only on the metric and the rows, so it is computed
+once, and a solution is two small matrix products: as fast as an iterative solver, and without its tolerance.
 """
 
 from __future__ import annotations

@@ -22,7 +22,8 @@ def in_proportion(hand: Array, robot_arm_m: float, human_arm_m: float, height_m:
 
 
 def targets(motion: HumanMotion, model: RobotModel, *, height_m: float | None = HEIGHT_M) -> Targets:
-    """Tasks of all levels, hands in proportion; arm lengths are means of left and right. `height_m` and what is raised: as in `absolute`."""
+    """Tasks of all levels, hands in proportion; arm lengths are means of left and right. `height_m` and what is raised: as in
+    `absolute`."""
     operator, calibration = operator_of(motion, model)
     origin = pelvis_origin(model)
     robot = float(np.mean([arm.length_m for arm in arm_frames(model).values()]))

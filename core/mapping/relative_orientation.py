@@ -1,13 +1,14 @@
 """Absolute and relative orientation mapping [Lim2022 sec. II-D, eqs 11, 12].
 
-AOM: R_d = R. The robot's link is oriented as the person's segment is; with T-pose-aligned segments that is R · H, H the link's rotation in the robot's
-own T-pose (`link_rotations`). Good where the device sits on the body the same way every time: hands.
+AOM: R_d = R. The robot's link is oriented as the person's segment is; with T-pose-aligned segments that is R · H, H the link's
+rotation in the robot's own T-pose (`link_rotations`). Good where the device sits on the body the same way every time: hands.
 
-ROM: R_d = ΔR · R̄_robot, ΔR = R R̄ᵀ, against the Still pose: the robot's Still pose is turned as the person's has turned since. Good where an
-elastic band may sit askew: chest, head, upper arms, shoulders.
+ROM: R_d = ΔR · R̄_robot, ΔR = R R̄ᵀ, against the Still pose: the robot's Still pose is turned as the person's has turned since.
+Good where an elastic band may sit askew: chest, head, upper arms, shoulders.
 
-Chest, head and shoulders look the same in Still and T-pose, so their R̄_robot is H. Arms hang in the one and are stretched out in the other, a
-quarter turn about X: R̄_robot = Q · H. ROM is then AOM of the segment R R̄ᵀ Q, and both agree when the person's own Still pose is Q, arms straight down.
+Chest, head and shoulders look the same in Still and T-pose, so their R̄_robot is H. Arms hang in the one and are stretched out in
+the other, a quarter turn about X: R̄_robot = Q · H. ROM is then AOM of the segment R R̄ᵀ Q, and both agree when the person's own
+Still pose is Q, arms straight down.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ RELATIVE = frozenset({"T8", "Head", "LeftUpperArm", "RightUpperArm", "LeftShould
 
 
 def ideal_still(segment: str) -> Array:
-    """Orientation (4,) wxyz, operator frame ← segment, in a perfect Still pose: arms straight down, everything else as in T-pose."""
+    """Orientation (4,) wxyz, operator frame ← segment, in a perfect Still pose: arms straight down, everything else as in
+    T-pose."""
     if not segment.endswith(("UpperArm", "ForeArm", "Hand")):
         return np.array([1.0, 0.0, 0.0, 0.0])
     quarter = -np.pi / 2 if segment.startswith("Left") else np.pi / 2
@@ -30,7 +32,8 @@ def ideal_still(segment: str) -> Array:
 
 
 def turned_since_still(motion: HumanMotion, calibration: Calibration, segment: str) -> Array:
-    """ΔR = R R̄ᵀ (T, 4) wxyz in the operator frame; R itself, over a perfect Still pose, where the calibration lacks the segment."""
+    """ΔR = R R̄ᵀ (T, 4) wxyz in the operator frame; R itself, over a perfect Still pose, where the calibration lacks the
+    segment."""
     still = calibration.still_orientation.get(segment)
     if still is None:
         still = calibration.chest_orientation if segment == "T8" else ideal_still(segment)

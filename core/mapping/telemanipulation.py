@@ -1,7 +1,8 @@
 """What the three hand mappings of [Lim2022] share: everything but where the hands should be.
 
-The robot stands upright on its base at the origin, facing +X, and its base doesn't move; targets are in its world. The person is seen in the operator
-frame. Levels and gains are the robot's (`priority_levels`); tasks of one level weigh alike, and what the level weighs is the solver's affair.
+The robot stands upright on its base at the origin, facing +X, and its base doesn't move; targets are in its world. The person is
+seen in the operator frame. Levels and gains are the robot's (`priority_levels`); tasks of one level weigh alike, and what the
+level weighs is the solver's affair.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ def targets_of(
 ) -> Targets:
     """The robot's tasks, level by level.
 
-    motion: in the operator frame. hands: side → (T, 3) m, where the robot's hand point should be in its world. Orientations by AOM or ROM, upper arms
-    by the normal of the arm's plane. Tasks of segments that the motion lacks are left out.
+    motion: in the operator frame. hands: side → (T, 3) m, where the robot's hand point should be in its world. Orientations by
+    AOM or ROM, upper arms by the normal of the arm's plane. Tasks of segments that the motion lacks are left out.
     """
     arms = arm_frames(model)
     constants = from_geometry(model)
@@ -90,7 +91,8 @@ def _measured(motion: HumanMotion, segment: str) -> bool:
 
 
 def _link(model: RobotModel, wanted: LevelTask, constants: Mapping[str, Array]) -> tuple[str, Array]:
-    """The task's link and its rotation (3, 3) segment ← link: by geometry for the mapped link, from the reference posture for another."""
+    """The task's link and its rotation (3, 3) segment ← link: by geometry for the mapped link, from the reference posture for
+    another."""
     link = wanted.link or model.links.get(wanted.segment, "")
     if not link:
         raise ProfileError(

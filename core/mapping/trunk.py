@@ -1,8 +1,8 @@
 """Where the robot's shoulders are while its chest follows the person's: the waist's joint values for a chest orientation.
 
-The chest has a higher priority than the hands [Lim2022 table II], so what the waist does is settled before any hand: the joints between base
-and chest link, turned so that the link is oriented as wanted, or as nearly as their number and limits allow. A target for a hand that
-is counted from the shoulder [Lim2022 sec. II-C] then starts where the robot's shoulder will really be.
+The chest has a higher priority than the hands [Lim2022 table II], so what the waist does is settled before any hand: the joints
+between base and chest link, turned so that the link is oriented as wanted, or as nearly as their number and limits allow. A
+target for a hand that is counted from the shoulder [Lim2022 sec. II-C] then starts where the robot's shoulder will really be.
 """
 
 from __future__ import annotations
@@ -23,10 +23,12 @@ CONVERGED_RAD = 1e-11
 
 
 def trunk_joints(model: RobotModel, link: str, orientation: Array) -> Array:
-    """Joint values (T, n) rad: the reference posture, with the joints between base and `link` set for the link's `orientation` (T, 4) wxyz.
+    """Joint values (T, n) rad: the reference posture, with the joints between base and `link` set for the link's `orientation`
+    (T, 4) wxyz.
 
-    The base stands upright at the origin. Gauss-Newton from the reference posture on the logarithm of the orientation error; a joint at a limit
-    that wants to go on stays there. Where orientations can't be reached the error's angle is the least that is possible nearby.
+    The base stands upright at the origin. Gauss-Newton from the reference posture on the logarithm of the orientation error; a
+    joint at a limit that wants to go on stays there. Where orientations can't be reached the error's angle is the least that is
+    possible nearby.
     """
     joints = np.tile(model.reference_posture, (len(orientation), 1))
     tree = axis_frames(model)
@@ -62,7 +64,8 @@ def trunk_joints(model: RobotModel, link: str, orientation: Array) -> Array:
 
 
 def shoulder_points(model: RobotModel, arms: Mapping[str, ArmFrame], turned: Array) -> dict[str, Array]:
-    """Side → (T, 3) m, world: the robot's shoulder centres while its chest is turned by `turned` (T, 4) wxyz against the reference posture."""
+    """Side → (T, 3) m, world: the robot's shoulder centres while its chest is turned by `turned` (T, 4) wxyz against the
+    reference posture."""
     joints = np.tile(model.reference_posture, (len(turned), 1))
     if "T8" in model.links:
         link = model.links["T8"]

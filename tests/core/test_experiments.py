@@ -107,7 +107,8 @@ def test_paths_without_a_circle(points: Array, message: str) -> None:
 
 
 def test_circle_indices_of_a_clip(make_motion: MotionFactory, build_robot: Callable[[str], Any]) -> None:
-    """Hands that draw circles, slightly egg-shaped: the calibration's basis is 0.55 m · axes, so nothing becomes rounder or less round."""
+    """Hands that draw circles, slightly egg-shaped: the calibration's basis is 0.55 m · axes, so nothing becomes rounder or less
+    round."""
     motion = make_motion(np.arange(180) / 90)
     position = np.array(motion.position)
     angle = np.linspace(0, 2 * np.pi, 181)[:-1]
@@ -143,7 +144,8 @@ def test_only_the_window_counts(make_motion: MotionFactory, build_robot: Callabl
 
 @pytest.mark.parametrize("name", ["g1", "tocabi"])
 def test_arm_directions(make_motion: MotionFactory, build_robot: Callable[[str], Any], name: str) -> None:
-    """A robot in its T-pose: one with arms forward is a right angle off. Its elbows lie off the line from shoulder to hand, by up to 6°."""
+    """A robot in its T-pose: one with arms forward is a right angle off. Its elbows lie off the line from shoulder to hand, by up
+    to 6°."""
     model = build_robot(name)
     calibration = calibration_of(make_motion)
     joints = np.tile(model.reference_posture, (2, 1))

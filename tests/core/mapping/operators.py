@@ -42,7 +42,8 @@ def pose(name: str) -> dict[str, Array]:
 
 
 def calibration_of(make_motion: Callable[..., HumanMotion], yaw: float = 0.0) -> Calibration:
-    """The person of conftest.py, facing `yaw` in the world, who holds the three poses perfectly: hand points are the wrists, B_h = 0.55 m · axes."""
+    """The person of conftest.py, facing `yaw` in the world, who holds the three poses perfectly: hand points are the wrists, B_h
+    = 0.55 m · axes."""
     points: dict[str, list[Array]] = {"Left": [], "Right": []}
     still = None
     for name in ("still", "tpose", "forward"):

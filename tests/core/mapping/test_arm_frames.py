@@ -31,7 +31,8 @@ def bare(model: Any) -> Any:
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("table", [True, False], ids=["table", "derived"])
 def test_real_robots(build_robot: RobotBuilder, name: str, table: bool) -> None:
-    """Mirrored arms; no elbow angle makes them longer, one makes them as long, and elbow and shoulder are where the limbs have them."""
+    """Mirrored arms; no elbow angle makes them longer, one makes them as long, and elbow and shoulder are where the limbs have
+    them."""
     model = build_robot(name) if table else bare(build_robot(name))
     arms = arm_frames(model)
     assert arms["Left"].length_m == pytest.approx(arms["Right"].length_m, abs=1e-4)

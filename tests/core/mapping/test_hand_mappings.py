@@ -101,7 +101,8 @@ def test_heading_and_place_do_not_matter(
 
 @pytest.mark.parametrize("name", ["g1", "icub"])
 def test_the_hand_goes_with_the_chest(make_motion: MotionFactory, build_robot: RobotBuilder, name: str) -> None:
-    """A turned chest, arms as in T-pose on it: the chest's target is turned, and the hand's is that of a robot whose waist has turned."""
+    """A turned chest, arms as in T-pose on it: the chest's target is turned, and the hand's is that of a robot whose waist has
+    turned."""
     model = build_robot(name)
     turn = rotations.exp(np.array([0.0, 0.1, 0.4]))
     motion = make_motion(TIME[:3], {"T8": turn}, calibration=calibration_of(make_motion))
@@ -129,7 +130,8 @@ def test_the_hand_goes_with_the_chest(make_motion: MotionFactory, build_robot: R
 def test_orientations_and_normals_in_t_pose_are_the_robots_own(
     make_motion: MotionFactory, build_robot: RobotBuilder, name: str
 ) -> None:
-    """By definition of T-pose alignment: normals of arm planes point up, the head's axis forward, hands as `link_rotations` has them."""
+    """By definition of T-pose alignment: normals of arm planes point up, the head's axis forward, hands as `link_rotations` has
+    them."""
     model = build_robot(name)
     found = targets(make_motion(TIME[:3], calibration=calibration_of(make_motion)), model)
     axes = tasks_of(found, "axis")
@@ -169,7 +171,8 @@ def test_feed_forwards_are_the_targets_own_rates(make_motion: MotionFactory, bui
 def test_the_authors_operator_in_the_authors_poses(
     make_motion: MotionFactory, build_robot: RobotBuilder, side: str
 ) -> None:
-    """Real calibrations are skewed: holding a pose still gives the robot's own, to 1e-6, in the first frame and after a second of holding."""
+    """Real calibrations are skewed: holding a pose still gives the robot's own, to 1e-6, in the first frame and after a second of
+    holding."""
     model = build_robot("talos")
     calibration = replace(calibration_of(make_motion), arms=authors_arms())
     for column, held in enumerate(DIRECTIONS):

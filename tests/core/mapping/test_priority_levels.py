@@ -57,7 +57,8 @@ def test_the_profile_has_the_last_word(arm_robot: Callable[..., robot_model.Robo
 
 
 def test_what_would_be_derived_for_tocabi_is_the_papers_table(build_robot: RobotBuilder) -> None:
-    """Its profile states the table of the paper, down to axes, gains and weights; only the shoulders, its last level, can't be derived."""
+    """Its profile states the table of the paper, down to axes, gains and weights; only the shoulders, its last level, can't be
+    derived."""
     model = build_robot("tocabi")
     stated = model.profile.hierarchy.levels
     bare = replace(model, profile=replace(model.profile, hierarchy=Hierarchy()))

@@ -9,7 +9,8 @@ from scipy.optimize import nnls
 
 
 def dual_solution(metric, rows, start, lower, upper):  # type: ignore[no-untyped-def]
-    """The same problem by its dual, a non-negative least squares over the multipliers of all one-sided rows (Lawson and Hanson's LDP)."""
+    """The same problem by its dual, a non-negative least squares over the multipliers of all one-sided rows (Lawson and Hanson's
+    LDP)."""
     root = np.linalg.cholesky(metric).T  # y = root (x - start): min ‖y‖² subject to G y ≥ h
     g = np.concatenate([rows, -rows]) @ np.linalg.inv(root)
     h = np.concatenate([lower - rows @ start, rows @ start - upper])
