@@ -16,7 +16,21 @@ from retarget.core.types import Targets
 
 GROUP = "retarget.mappings"
 SHARED = frozenset(
-    {"heading", "link_rotations", "limb_twist", "arm_frames", "relative_orientation", "telemanipulation"}
+    {
+        "arm_frames",
+        "hand_blend",
+        "hand_weights",
+        "heading",
+        "limb_twist",
+        "link_rotations",
+        "operator_arms",
+        "operator_frame",
+        "priority_levels",
+        "projection",
+        "relative_orientation",
+        "telemanipulation",
+        "trunk",
+    }
 )
 """Modules of this folder that serve the mappings and are none themselves."""
 

@@ -1,0 +1,104 @@
+"""What the three hand mappings of [Lim2022] share: everything but where the hands should be.
+
+The robot stands upright on its base at the origin, facing +X, and its base doesn't move; targets are in its world. The person is
+seen in the operator frame. Levels and gains are the robot's (`priority_levels`); tasks of one level weigh alike, and what the
+level weighs is the solver's affair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from retarget.core import rotations
+from retarget.core.calibration import SIDES, Calibration
+from retarget.core.errors import MotionError, ProfileError
+from retarget.core.mapping.arm_frames import arm_frames
+from retarget.core.mapping.link_rotations import from_geometry, from_reference_posture
+from retarget.core.mapping.operator_arms import arm_plane
+from retarget.core.mapping.operator_frame import in_operator_frame
+from retarget.core.mapping.priority_levels import priority_levels
+from retarget.core.mapping.relative_orientation import mapped_orientation
+from retarget.core.profile import LevelTask
+from retarget.core.robot_model import RobotModel
+from retarget.core.types import Array, HumanMotion, Targets, Task
+
+
+def operator_of(motion: HumanMotion, model: RobotModel) -> tuple[HumanMotion, Calibration]:
+    """The motion in the operator frame that suits the robot, and its calibration. Raises `MotionError` where it has none."""
+    if motion.calibration is None:
+        raise MotionError(
+            "hand mappings need the operator's calibration, and the motion has none; "
+            "expected a calibration from `retarget calibrate`"
+        )
+    return in_operator_frame(motion, motion.calibration, model.profile.base_segment), motion.calibration
+
+
+def targets_of(
+    name: str, motion: HumanMotion, calibration: Calibration, model: RobotModel, hands: Mapping[str, Array]
+) -> Targets:
+    """The robot's tasks, level by level.
+
+    motion: in the operator frame. hands: side → (T, 3) m, where the robot's hand point should be in its world. Orientations by
+    AOM or ROM, upper arms by the normal of the arm's plane. Tasks of segments that the motion lacks are left out.
+    """
+    arms = arm_frames(model)
+    constants = from_geometry(model)
+    tasks = []
+    for number, level in enumerate(priority_levels(model)):
+        for wanted in level.tasks:
+            common = {"gain": wanted.gain, "level": number, "segment": wanted.segment}
+            if wanted.kind == "position":
+                side = wanted.segment.removesuffix("Hand")
+                if side not in SIDES:
+                    raise ProfileError(
+                        model.profile.origin or model.profile.name, f"position task of segment '{wanted.segment}'",
+                        place="[hierarchy]", expected="LeftHand or RightHand",
+                    )  # fmt: skip
+                value, offset = hands[side], arms[side].hand
+                tasks.append(
+                    Task(arms[side].hand_link, "position", value, rate(motion.time, value), offset=offset, **common)
+                )
+                continue
+            if not _measured(motion, wanted.segment):
+                continue
+            link, constant = _link(model, wanted, constants)
+            if wanted.kind == "axis" and wanted.segment.endswith("UpperArm"):
+                segment = arm_plane(motion, calibration, wanted.segment.removesuffix("UpperArm"))
+            else:
+                segment = mapped_orientation(motion, calibration, wanted.segment)
+            oriented = rotations.multiply(segment, rotations.from_matrix(constant))
+            if wanted.kind == "axis":
+                axis = np.array(wanted.axis) / np.linalg.norm(wanted.axis)
+                value = rotations.rotate(oriented, axis)
+                turning = np.cross(value, rate(motion.time, value))
+                tasks.append(Task(link, "axis", value, turning, axis=axis, **common))
+            else:
+                oriented = rotations.make_continuous(oriented)
+                turning = rotations.angular_velocity(motion.time, oriented)
+                tasks.append(Task(link, "orientation", oriented, turning, **common))
+    return Targets(motion.time, tuple(tasks), name)
+
+
+def rate(time: Array, values: Array) -> Array:
+    """Time derivative (T, 3) by central differences, zero for a single frame."""
+    return np.gradient(values, time, axis=0) if len(time) > 1 else np.zeros_like(values)
+
+
+def _measured(motion: HumanMotion, segment: str) -> bool:
+    """A shoulder without a measurement of its own goes with the chest."""
+    return motion.has("T8" if segment.endswith("Shoulder") and not motion.has(segment) else segment)
+
+
+def _link(model: RobotModel, wanted: LevelTask, constants: Mapping[str, Array]) -> tuple[str, Array]:
+    """The task's link and its rotation (3, 3) segment ← link: by geometry for the mapped link, from the reference posture for
+    another."""
+    link = wanted.link or model.links.get(wanted.segment, "")
+    if not link:
+        raise ProfileError(
+            model.profile.origin or model.profile.name, f"the task of {wanted.segment} names no link",
+            place="[hierarchy]", expected="a link, or a segment of [links]",
+        )  # fmt: skip
+    if link == model.links.get(wanted.segment):
+        return link, constants[wanted.segment]
+    return link, from_reference_posture(model, {wanted.segment: link})[wanted.segment]
