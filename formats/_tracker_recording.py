@@ -202,6 +202,8 @@ def _fault_lines(one: Cleaned, filled: _Filled) -> list[str]:
     lines = []
     if one.invalid_rows:
         lines.append(f"{one.invalid_rows} rows marked as not tracked")
+    if one.origin_rows:
+        lines.append(f"{one.origin_rows} rows at the origin, as written for a lost tracker: taken as not tracked")
     if one.missing_rows:
         lines.append(f"{one.missing_rows} rows with missing or impossible numbers")
     if one.bad_quaternions:

@@ -179,6 +179,24 @@ def test_impossible_positions_are_not_measured(what: float) -> None:
     assert warnings_of(found, "waist: 1 rows with missing or impossible numbers")
 
 
+@pytest.mark.parametrize("turn", [1.0, 0.0])
+def test_the_origin_stands_for_a_lost_tracker(turn: float) -> None:
+    values = POSES.copy()
+    values[100:110] = [0, 0, 0, turn, 0, 0, 0]
+    found = read(wide(TIME, waist=values), **UP)
+    np.testing.assert_allclose(found.position[100:110, 0], interpolated(100, 110)[0], atol=1e-12)
+    assert np.flatnonzero(~found.tracked[:, 0]).tolist() == list(range(100, 110))
+    assert warnings_of(found, "waist: 10 rows at the origin, as written for a lost tracker")
+    assert not warnings_of(found, "jump")
+
+
+def test_the_origin_as_a_place_is_measured() -> None:
+    values = poses(np.outer(np.sin(TIME), [0.1, 0, 0]))
+    found = read(wide(TIME, waist=values, chest=poses(np.zeros((300, 3)))), **UP)
+    np.testing.assert_array_equal(found.position[:, 0], values[:, :3])
+    assert found.tracked.all()
+
+
 @pytest.mark.parametrize(
     ("values", "why"),
     [
