@@ -143,7 +143,7 @@ def test_held_samples_are_interpolated() -> None:
     np.testing.assert_allclose(found.position[:299, 0], expected, atol=1e-12)
     assert found.tracked.all()
     assert path_length(found.position[:, 0]) == pytest.approx(path_length(values[:, :3]), rel=1e-12)
-    assert warnings_of(found, "waist: 150 of 300 rows repeat the pose before")
+    assert warnings_of(found, "rows that repeat the pose before: waist 150 of 300")
 
 
 def test_a_pose_that_stands_still_to_the_last_bit_is_kept_and_named() -> None:
@@ -151,7 +151,7 @@ def test_a_pose_that_stands_still_to_the_last_bit_is_kept_and_named() -> None:
     values[100:200] = values[100]
     found = read(wide(TIME, waist=values), **UP)
     np.testing.assert_array_equal(found.position[:, 0], values[:, :3])
-    assert warnings_of(found, "waist: the same pose for longer than 0.5 s (1.00-1.99 s)")
+    assert warnings_of(found, "stood perfectly still, or the log froze: waist 1.00-1.99 s")
 
 
 def test_jumps_are_named_and_kept() -> None:
