@@ -100,9 +100,8 @@ def describe(
     source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
 ) -> Mapping[str, Any]:
     """JSON-able facts of a file, for `retarget info`; arguments and errors as those of `read_trackers`."""
-    # A columns file is given for tracker logs only: it decides between formats that share a suffix.
-    wanted = "read_trackers" if options is not None and options.columns is not None else ""
-    with opened(source, name, format, wanted) as (stream, shown, found):
+    # Where formats share a suffix and none knows the file: trajectories were written here and are known, tracker logs come from anywhere.
+    with opened(source, name, format, "read_trackers") as (stream, shown, found):
         try:
             if found.describe_trackers is not None:
                 return found.describe_trackers(stream, shown, options or TrackerOptions())

@@ -3,6 +3,7 @@
 | fault | what happens |
 |---|---|
 | row marked invalid, number missing or not finite, farther than `FARTHEST_M` | not measured |
+| origin and identity (or zeros) away from all else: what loggers write for a lost tracker | not measured |
 | quaternion's length off by more than `UNIT_TOLERANCE` | orientation not measured, position kept; never normalised to something |
 | the pose of the row before, to the last bit (a log faster than the tracker holds samples) | interpolated between the new samples where these are at most `LONGEST_HOLD_S` apart; kept where longer |
 | step over `JUMP_M` that no hand makes | kept and warned of |
@@ -68,6 +69,7 @@ class Cleaned:
     step_s: float
     rows: int
     invalid_rows: int
+    origin_rows: int
     missing_rows: int
     bad_quaternions: int
     repeated_rows: int
@@ -88,7 +90,7 @@ def usual_step(time: Array) -> float:
     steps = steps[steps > 0]
     if not len(steps):
         return 0.0
-    median = np.median(steps)
+    median = np.sort(steps)[(len(steps) - 1) // 2]  # one of the steps, so that some step is near it
     return float(steps[np.abs(steps - median) <= 0.5 * median].mean())
 
 
@@ -106,7 +108,8 @@ def clean(samples: Samples, name: str) -> Cleaned:
         finite = (np.abs(position) <= FARTHEST_M).all(axis=1) & np.isfinite(quaternion).all(axis=1)
         length = np.linalg.norm(quaternion, axis=1)
         unit = np.abs(length - 1.0) <= UNIT_TOLERANCE
-    position_ok = valid & finite
+    origin = _placeholders(position, quaternion, valid & finite)
+    position_ok = valid & finite & ~origin
     orientation_ok = position_ok & unit
     for ok, what in ((position_ok, "is never tracked"), (orientation_ok, "never has a usable quaternion")):
         if not ok.any():
@@ -134,6 +137,7 @@ def clean(samples: Samples, name: str) -> Cleaned:
         step_s=usual_step(time),
         rows=rows,
         invalid_rows=int((~valid).sum()),
+        origin_rows=int(origin.sum()),
         missing_rows=int((valid & ~finite).sum()),
         bad_quaternions=int((position_ok & ~unit).sum()),
         repeated_rows=int(same.sum()),
@@ -161,6 +165,21 @@ def _increasing(samples: Samples, name: str) -> BoolArray:
             expected="increasing times",
         )
     return np.concatenate([[True], steps > 0])
+
+
+def _placeholders(position: Array, quaternion: Array, usable: BoolArray) -> BoolArray:
+    """Which rows (N,) stand at the origin, unturned or with no quaternion at all, while the nearest other rows are a jump away."""
+    unturned = ((quaternion == [1.0, 0.0, 0.0, 0.0]) | (quaternion == 0.0)).all(axis=1)
+    suspects = usable & (position == 0.0).all(axis=1) & unturned
+    others = np.flatnonzero(usable & ~suspects)
+    if not suspects.any() or not len(others):
+        return np.zeros(len(position), bool)
+    rows = np.flatnonzero(suspects)
+    after = np.searchsorted(others, rows)
+    away = np.linalg.norm(position[others], axis=1)
+    nearest = np.minimum(away[np.maximum(after - 1, 0)], away[np.minimum(after, len(others) - 1)])
+    suspects[rows[nearest <= JUMP_M]] = False
+    return suspects
 
 
 def _jump_times(time: Array, position: Array, new: BoolArray) -> Array:

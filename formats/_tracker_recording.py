@@ -81,6 +81,7 @@ def build(log: Log) -> tuple[TrackerRecording, dict[str, Any]]:
     segments = assign(names, {one.tracker: one.role for one in cleaned}, log.roles or {}, warnings)
     for one, here in zip(cleaned, filled, strict=True):
         warnings.extend(_fault_lines(one, here))
+    warnings.extend(_repeat_lines(cleaned))
     if doubt := doubt_up(position, tracked, log.up, [segments.get(name) for name in names]):
         warnings.append(doubt)
     step = usual_step(time)
@@ -202,16 +203,12 @@ def _fault_lines(one: Cleaned, filled: _Filled) -> list[str]:
     lines = []
     if one.invalid_rows:
         lines.append(f"{one.invalid_rows} rows marked as not tracked")
+    if one.origin_rows:
+        lines.append(f"{one.origin_rows} rows at the origin, as written for a lost tracker: taken as not tracked")
     if one.missing_rows:
         lines.append(f"{one.missing_rows} rows with missing or impossible numbers")
     if one.bad_quaternions:
         lines.append(f"{one.bad_quaternions} quaternions rejected, length off by more than {UNIT_TOLERANCE:g}")
-    if one.repeated_rows:
-        lines.append(f"{one.repeated_rows} of {one.rows} rows repeat the pose before")
-    if one.frozen:
-        lines.append(
-            f"the same pose for longer than {FROZEN_S:g} s ({_spans(one.frozen)}): stood still, or the log froze"
-        )
     if one.same_time_rows:
         lines.append(f"{one.same_time_rows} rows with the time of the row before left out")
     if count := len(one.jump_times):
@@ -228,9 +225,21 @@ def _fault_lines(one: Cleaned, filled: _Filled) -> list[str]:
     return [f"{one.tracker}: {line}" for line in lines]
 
 
-def _spans(spans: Sequence[tuple[float, float]]) -> str:
-    more = f", {len(spans) - _SHOWN} more" if len(spans) > _SHOWN else ""
-    return ", ".join(f"{start:.2f}-{end:.2f} s" for start, end in spans[:_SHOWN]) + more
+def _repeat_lines(trackers: Sequence[Cleaned]) -> list[str]:
+    """What repeats, for all trackers together: where one log holds samples, or a synthetic person stands still, all do."""
+    lines = []
+    if repeating := [f"{one.tracker} {one.repeated_rows} of {one.rows}" for one in trackers if one.repeated_rows]:
+        lines.append(f"rows that repeat the pose before: {', '.join(repeating)}")
+    if frozen := [f"{one.tracker} {_spans(one.frozen, shown=1)}" for one in trackers if one.frozen]:
+        lines.append(
+            f"the same pose for longer than {FROZEN_S:g} s, so stood perfectly still, or the log froze: {'; '.join(frozen)}"
+        )
+    return lines
+
+
+def _spans(spans: Sequence[tuple[float, float]], shown: int = _SHOWN) -> str:
+    more = f" and {len(spans) - shown} more" if len(spans) > shown else ""
+    return ", ".join(f"{start:.2f}-{end:.2f} s" for start, end in spans[:shown]) + more
 
 
 def _facts(recording: TrackerRecording, cleaned: Sequence[Cleaned], log: Log) -> dict[str, Any]:

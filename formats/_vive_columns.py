@@ -170,7 +170,7 @@ def _poses(name: str, content: Mapping[str, Any]) -> dict[str, Mapping[str, Any]
         quaternion = [key for key in ("qw", "qx", "qy", "qz") if key in table]
         if quaternion and len(quaternion) < 4:
             raise UsageError(f"{name}: [{place}] has only {', '.join(quaternion)}; expected qw, qx, qy and qz, or none")
-        if table.get("unit", "m") not in LENGTHS_M:
+        if table.get("unit", "m") not in tuple(LENGTHS_M):
             raise UsageError(f"{name}: [{place}] unit = {table['unit']!r}; expected m, cm or mm")
         if not isinstance(table.get("role", ""), str):
             raise UsageError(f"{name}: [{place}] role = {table['role']!r}; expected a role or segment in quotes")

@@ -121,6 +121,9 @@ def test_the_example_of_the_documentation_and_of_the_messages_work(tmp_path: Pat
             "has only qx; expected qw, qx, qy and qz, or none",
         ),
         ({"trackers": {"chest": CHEST | {"unit": "inch"}}}, "unit = 'inch'; expected m, cm or mm"),
+        ({"trackers": {"chest": CHEST | {"unit": ["mm"]}}}, r"unit = \['mm'\]; expected m, cm or mm"),
+        ({"trackers": {"chest": CHEST | {"valid": [None]}}}, "chest.valid = None; expected a column's name or number"),
+        ({"trackers": {"chest": CHEST | {"role": 3}}}, "role = 3; expected a role or segment in quotes"),
         ({"trackers": {"chest": CHEST | {"x": 8}}}, "chest.x = 8; the log has columns 1 to 7"),
         ({"trackers": {"chest": CHEST | {"x": 0}}}, "chest.x = 0; the log has columns 1 to 7"),
         (

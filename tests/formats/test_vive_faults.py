@@ -143,7 +143,7 @@ def test_held_samples_are_interpolated() -> None:
     np.testing.assert_allclose(found.position[:299, 0], expected, atol=1e-12)
     assert found.tracked.all()
     assert path_length(found.position[:, 0]) == pytest.approx(path_length(values[:, :3]), rel=1e-12)
-    assert warnings_of(found, "waist: 150 of 300 rows repeat the pose before")
+    assert warnings_of(found, "rows that repeat the pose before: waist 150 of 300")
 
 
 def test_a_pose_that_stands_still_to_the_last_bit_is_kept_and_named() -> None:
@@ -151,7 +151,7 @@ def test_a_pose_that_stands_still_to_the_last_bit_is_kept_and_named() -> None:
     values[100:200] = values[100]
     found = read(wide(TIME, waist=values), **UP)
     np.testing.assert_array_equal(found.position[:, 0], values[:, :3])
-    assert warnings_of(found, "waist: the same pose for longer than 0.5 s (1.00-1.99 s)")
+    assert warnings_of(found, "stood perfectly still, or the log froze: waist 1.00-1.99 s")
 
 
 def test_jumps_are_named_and_kept() -> None:
@@ -177,6 +177,24 @@ def test_impossible_positions_are_not_measured(what: float) -> None:
     found = read(wide(TIME, waist=values), **UP)
     assert np.flatnonzero(~found.tracked[:, 0]).tolist() == [77]
     assert warnings_of(found, "waist: 1 rows with missing or impossible numbers")
+
+
+@pytest.mark.parametrize("turn", [1.0, 0.0])
+def test_the_origin_stands_for_a_lost_tracker(turn: float) -> None:
+    values = POSES.copy()
+    values[100:110] = [0, 0, 0, turn, 0, 0, 0]
+    found = read(wide(TIME, waist=values), **UP)
+    np.testing.assert_allclose(found.position[100:110, 0], interpolated(100, 110)[0], atol=1e-12)
+    assert np.flatnonzero(~found.tracked[:, 0]).tolist() == list(range(100, 110))
+    assert warnings_of(found, "waist: 10 rows at the origin, as written for a lost tracker")
+    assert not warnings_of(found, "jump")
+
+
+def test_the_origin_as_a_place_is_measured() -> None:
+    values = poses(np.outer(np.sin(TIME), [0.1, 0, 0]))
+    found = read(wide(TIME, waist=values, chest=poses(np.zeros((300, 3)))), **UP)
+    np.testing.assert_array_equal(found.position[:, 0], values[:, :3])
+    assert found.tracked.all()
 
 
 @pytest.mark.parametrize(
