@@ -144,7 +144,8 @@ def _calibration(
     for path, recording in recordings.items():
         for warning in recording.source.warnings:
             console.warning(warning if len(recordings) == 1 else f"{path}: {warning}")
-    by_pose = dict(zip(POSES, (recordings[path] for path in (inputs if len(inputs) == 3 else inputs * 3)), strict=True))
+    paths = inputs if len(inputs) == 3 else [inputs[0]] * len(POSES)
+    by_pose = dict(zip(POSES, (recordings[path] for path in paths), strict=True))
     shown = ", ".join("stdin" if path == PIPE else path for path in dict.fromkeys(inputs))
     try:
         return operator.calibrate(
