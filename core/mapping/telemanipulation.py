@@ -1,8 +1,8 @@
 """What the three hand mappings of [Lim2022] share: everything but where the hands should be.
 
 The robot stands upright on its base at the origin, facing +X, and its base doesn't move; targets are in its world. The person is
-seen in the operator frame. Levels and gains are the robot's (`priority_levels`); tasks of one level weigh alike, and what the
-level weighs is the solver's affair.
+seen in the operator frame. Levels, gains and weights within a level are the robot's (`priority_levels`); what the level weighs is
+the solver's affair.
 """
 
 from __future__ import annotations
@@ -73,6 +73,7 @@ def _position_task(time: Array, hand: Array, wanted: LevelTask, level: int, arm:
         segment=wanted.segment,
         offset=arm.hand,
         gain=wanted.gain,
+        weight=np.array(wanted.weight),
     )
 
 
@@ -100,6 +101,7 @@ def _direction_task(
             level=level,
             segment=wanted.segment,
             gain=wanted.gain,
+            weight=np.array(wanted.weight),
         )
     axis = np.array(wanted.axis) / np.linalg.norm(wanted.axis)
     pointing = rotations.rotate(oriented, axis)
@@ -112,6 +114,7 @@ def _direction_task(
         segment=wanted.segment,
         axis=axis,
         gain=wanted.gain,
+        weight=np.array(wanted.weight),
     )
 
 
