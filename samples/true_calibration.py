@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from retarget.core import rotations
 from retarget.core.calibration import SIDES, ArmCalibration, Calibration
+from retarget.core.segments import SEGMENTS
 from retarget.core.types import Array, HumanMotion
 from retarget.samples.arm_reach import ARM_LENGTH
 from retarget.samples.primitive_poses import Operator, candidate_distances
@@ -48,11 +49,14 @@ def true_calibration(take: Take) -> Calibration:
 
 
 def true_motion(take: Take) -> HumanMotion:
-    """The six tracked segments, calibration attached, in the world of the take: true orientations; origins where trackers can put them.
+    """The six tracked segments in the operator frame, calibration attached, as `core.calibrate.apply` makes them of perfect trackers.
 
-    T8 and Head at their trackers, UpperArm at the shoulder's centre, Hand at the hand point.
+    Orientations are true; origins are where trackers can put them: T8 and Head at their trackers, UpperArm at the shoulder's centre, Hand
+    at the hand point.
     """
-    motion, segments = take.motion, tuple(take.mounts)
+    motion, calibration = take.motion, true_calibration(take)
+    segments = tuple(segment for segment in SEGMENTS if segment in take.mounts)
+    back = rotations.exp(np.array([0.0, 0.0, -take.heading_rad]))
     points = {f"{side}Hand": take.hand_point[side] for side in SIDES}
     points |= {f"{side}UpperArm": take.position(f"{side}UpperArm") for side in SIDES}
     for segment in ("T8", "Head"):
@@ -61,10 +65,12 @@ def true_motion(take: Take) -> HumanMotion:
     return HumanMotion(
         time=motion.time,
         segments=segments,
-        orientation=motion.orientation[:, [motion.index(segment) for segment in segments]],
-        position=np.stack([points[segment] for segment in segments], axis=1),
+        orientation=rotations.multiply(back, motion.orientation[:, [motion.index(segment) for segment in segments]]),
+        position=rotations.rotate(
+            back, np.stack([points[segment] for segment in segments], axis=1) - calibration.origin
+        ),
         source=motion.source,
-        calibration=true_calibration(take),
+        calibration=calibration,
     )
 
 
