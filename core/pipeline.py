@@ -39,7 +39,7 @@ class ConvertOptions:
     solver: one of SOLVER_CHOICES, auto = hierarchical for mappings of hands, dynamical for the others. settings: of the mapping, by name.
     online: the paper's one QP per frame instead of converged frames. rate_hz: output rate, None = the recording's.
     start_s, end_s: the part of the recording, on its own clock. smooth_s: half-width of a zero-lag minimum-jerk average over the result
-    (the authors of [Darvish2019] smooth by minimum jerk over 0.25 s, with lag), 0 = none; limits hold all the same. kernel: the compiled solver ([fast]) where it pays, or one of the two.
+    (the authors of [Darvish2019] smooth by minimum jerk over 0.25 s, with lag), 0 = none; limits hold all the same. kernel: the compiled solver where it pays, or one of the two.
     """
 
     mapping: str = "limb_plane"
