@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 CALIBRATION_SAMPLE, CIRCLES_SAMPLE = "calibration_trackers", "circles_trackers"
 MOTION_SAMPLES = ("box_trackers", "clap_trackers")
 """Whose arms are compared."""
+SYNTHETIC = "The samples are synthetic: computed, not recorded from a person."
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,8 @@ class Clip:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """All that the table, the JSON and the page show. circles: side → its circles, of the recording `circles_name`; notes: what could not be compared."""
+    """All that the table, the JSON and the page show. circles: side → its circles, of the recording `circles_name`; notes: what could not be compared. about: a remark on
+    the recordings."""
 
     model: RobotModel
     calibration: Calibration
@@ -46,6 +48,7 @@ class Comparison:
     squares: dict[str, Square]
     clips: Sequence[Clip]
     notes: Sequence[str]
+    about: str = ""
 
 
 @click.command(short_help="Compare hand mappings by the experiments of Lim et al. 2022.")
@@ -86,13 +89,15 @@ def compare(
 
     INPUT is a tracker log, a suit recording (MVNX), or '-' for stdin; its circles are looked for, and its arms are compared throughout.
     Without it, the samples are compared: circles, a box that is carried, claps. proportional and absolute raise the hands by a constant
-    that fits TOCABI; they are shown a second time with hands level over the shoulders of both.
+    that fits TOCABI and the paper's operator; they are shown a second time with the shoulders of both made level.
     """
     from retarget.cli.clip import without_nan
     from retarget.cli.comparison_table import record, text
 
     page = _page_path(report, recording, choices["robot"], overwrite=force) if report else None
     comparison = _compared(console, recording, **choices)
+    if comparison.about:
+        console.note(comparison.about)
     for note in comparison.notes:
         console.warning(note)
     if as_json:
@@ -130,7 +135,8 @@ def _compared(
         if calibration or start_s is not None or end_s is not None or any(facts.values()):
             raise UsageError("no INPUT: the samples are compared, with a calibration of their own; give a recording")
         recordings = _samples()
-        circles_name, shown = CIRCLES_SAMPLE, MOTION_SAMPLES
+        circles_name = CIRCLES_SAMPLE
+        shown: tuple[str, ...] = MOTION_SAMPLES
     else:
         motion = timebase.cut(_motion(console, recording, calibration, facts), start_s, end_s)
         circles_name = "stdin" if recording == PIPE else Path(recording).name
@@ -151,6 +157,7 @@ def _compared(
         squares=comparison.squares(drawn.calibration, model),
         clips=[_clip(console, name, recordings[name], model, comparison.variants(names)) for name in shown],
         notes=notes,
+        about=SYNTHETIC if recording is None else "",
     )
 
 
@@ -195,7 +202,9 @@ def _circles(
     if not without:
         return found, []
     hands = "neither hand draws" if len(without) == 2 else f"the {without[0]} hand does not draw"
-    return found, [f"{name}: {hands} circles, so that no circle index is given; --window START:END tells where they are"]
+    return found, [
+        f"{name}: {hands} circles, so that no circle index is given; --window START:END tells where they are"
+    ]
 
 
 def _clip(console: Console, name: str, motion: HumanMotion, model: RobotModel, chosen: Sequence[Variant]) -> Clip:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -36,9 +37,10 @@ BONES = (
 
 
 def colours(chosen: Sequence[Variant]) -> dict[str, tuple[str, str]]:
-    """Variant's name → (colour, line style): a colour for each mapping, dashes where it has settings of its own."""
-    mappings = list(dict.fromkeys(variant.mapping for variant in chosen))
-    return {v.name: (PALETTE[mappings.index(v.mapping) % len(PALETTE)], "--" if v.settings else "-") for v in chosen}
+    """Variant's name → (colour, line style): a colour for each mapping, full for its first variant and dashed for others."""
+    first = {variant.mapping: variant.name for variant in reversed(chosen)}
+    colour = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(dict.fromkeys(v.mapping for v in chosen))}
+    return {v.name: (colour[v.mapping], "-" if first[v.mapping] == v.name else "--") for v in chosen}
 
 
 @styled
@@ -70,7 +72,7 @@ def circles(found: Mapping[str, Circles]) -> Figure:
 @styled
 def squares(found: Mapping[str, Square]) -> Figure:
     """Both hands from the front: the square and what becomes of it, from the shoulder."""
-    figure = Figure(figsize=(8.4, 4.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 5.5), layout="constrained")
     grid = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, side in zip(grid, FROM_FRONT, strict=True):
         square = found[side]
@@ -82,7 +84,9 @@ def squares(found: Mapping[str, Square]) -> Figure:
             # Corners joined to their images would clutter; where drawing begins is enough to tell one from the other.
             axes.plot(*points[0, 1:], "o", color=colour, markersize=4)
         axes.plot(0, 0, "+", color=INK, markersize=8)
-        axes.annotate("straight ahead of the shoulder", (0, 0), (0, -11), textcoords="offset points", ha="center", fontsize=7)
+        axes.annotate(
+            "straight ahead of the shoulder", (0, 0), (0, -11), textcoords="offset points", ha="center", fontsize=7
+        )
         axes.set(title=f"{side.lower()} hand", xlabel="left / m", aspect="equal")
         axes.grid(color=FAINT, linewidth=0.4)
         axes.set_axisbelow(True)
@@ -110,10 +114,10 @@ def errors(time: Array, results: Sequence[Similarity]) -> Figure:
                     series = result.errors_deg[side + line][keep]
                     axes.plot(time[keep], series, style, color=colour, label=result.variant.name)
             axes.set_title(f"{side.lower()} {titles[line]}")
-            axes.set_ylim(bottom=0)
             axes.set_xlim(time[0], time[-1] if len(time) > 1 else time[0] + 1)
             axes.grid(axis="y", color=FAINT, linewidth=0.5)
         row[0].set_ylabel("error / °")
+        row[0].set_ylim(bottom=0)
     for axes in grid[-1]:
         axes.set_xlabel("time / s")
     handles, labels = grid[0][0].get_legend_handles_labels()
@@ -126,24 +130,24 @@ def postures(time: Array, person: Mapping[str, Array], results: Sequence[Similar
     """Rows: the operator, then the robot by each variant. Columns: instants evenly over the clip [Lim2022 fig. 8]."""
     frames = np.unique(np.linspace(0, len(time) - 1, INSTANTS).round().astype(int))
     styles = colours([result.variant for result in results])
-    rows: list[tuple[str, str, Mapping[str, Array], bool]] = [("operator", INK, person, False)]
-    rows += [(r.variant.name, styles[r.variant.name][0], r.points, True) for r in results]
-    views = [[_view(points, frame) for frame in frames] for _, _, points, _ in rows]
-    every = np.array([point for row in views for view in row for point in view.values()])
+    rows: list[tuple[str, str, Mapping[str, Array]]] = [("operator", INK, person)]
+    rows += [(r.variant.name, styles[r.variant.name][0], r.points) for r in results]
+    views = [[_view(points, frame) for frame in frames] for _, _, points in rows]
+    wanted = [[_view(_pointed(r.points, person, f), 0, origin=r.points["Neck"][f]) for f in frames] for r in results]
+    every = np.array([point for row in [*views, *wanted] for view in row for point in view.values()])
     step, low, high = 2 * np.abs(every[:, 0]).max() + 0.06, every[:, 1].min() - 0.06, every[:, 1].max() + 0.06
     heading_m = 0.16
     tall = high - low + heading_m
     scale = WIDTH_IN / (step * len(frames))
     figure = Figure(figsize=(WIDTH_IN, scale * (tall * len(rows) + 0.15)))
     axes = figure.add_axes((0, 0, 1, 1))
-    for number, ((name, colour, points, is_robot), row) in enumerate(zip(rows, views, strict=True)):
+    for number, ((name, colour, _), row) in enumerate(zip(rows, views, strict=True)):
         floor = -number * tall
         axes.text(0.04, floor + high + 0.02, name, color=colour, fontsize=9, va="bottom", weight="bold")
-        for column, (frame, view) in enumerate(zip(frames, row, strict=True)):
+        for column, view in enumerate(row):
             at = np.array([(column + 0.5) * step, floor])
-            if is_robot:
-                wanted = _view(_pointed(points, person, frame), 0, origin=points["Neck"][frame])
-                _draw(axes, wanted, at, "#8b929b", width=1.0)
+            if number:
+                _draw(axes, wanted[number - 1][column], at, "#8b929b", width=1.0)
             _draw(axes, view, at, colour, width=2.4)
         axes.axhline(floor + low, color=FAINT, linewidth=0.6, zorder=0)
     bottom = -(len(rows) - 1) * tall + low
@@ -164,7 +168,7 @@ def _pointed(robot: Mapping[str, Array], person: Mapping[str, Array], frame: int
         points[f"{side}Shoulder"] = at[None]
         joints = [f"{side}{name}" for name in ("Shoulder", "Elbow", "Hand")]
         joints = [name for name in joints if name in robot and name in person]
-        for start, end in zip(joints, joints[1:], strict=False):
+        for start, end in pairwise(joints):
             line = person[end][frame] - person[start][frame]
             length = np.linalg.norm(robot[end][frame] - robot[start][frame])
             at = at + length * line / np.linalg.norm(line)

@@ -55,7 +55,7 @@ def page(comparison: Comparison) -> str:
     )
     for clip, title in zip(comparison.clips, titles[-len(comparison.clips) :], strict=True):
         parts.append(_section(title, [_table(tables[title]), *_clip_pictures(clip, comparison)]))
-    note = "Hand mappings by the experiments of Lim et al., ICRA 2022, section IV."
+    note = f"Hand mappings by the experiments of Lim et al., ICRA 2022, section IV. {comparison.about}".strip()
     return document(f"retarget compare: {robot}", note, parts)
 
 
@@ -74,7 +74,7 @@ def _clip_pictures(clip: Clip, comparison: Comparison) -> list[str]:
         ),
         picture(
             "Arm direction error",
-            "Angle between the operator's and the robot's lines: shoulder to hand, shoulder to elbow, elbow to hand. Dashed: shoulders level.",
+            "Angle between the operator's and the robot's lines: shoulder to hand, shoulder to elbow, elbow to hand.",
             comparison_figures.errors(clip.motion.time, clip.results),
             f"arm direction error, {clip.name}",
         ),

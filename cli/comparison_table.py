@@ -144,7 +144,7 @@ def _circles(circles: Mapping[str, Any]) -> Rows:
 
 
 def _square_title(facts: Mapping[str, Any]) -> str:
-    return f"hand_position of an ideal square of {facts['square']['side_m']:g} m"
+    return f"ideal square of {facts['square']['side_m']:g} m by hand_position"
 
 
 def _squares(facts: Mapping[str, Any]) -> Rows:

@@ -12,6 +12,7 @@ from retarget.core.calibration import SIDES, Calibration
 from retarget.core.errors import MotionError, UsageError
 from retarget.core.kinematics import link_poses
 from retarget.core.mapping import load
+from retarget.core.mapping.absolute import HEIGHT_M
 from retarget.core.mapping.arm_frames import arm_frames
 from retarget.core.mapping.telemanipulation import operator_of
 from retarget.core.robot_model import RobotModel
@@ -27,14 +28,12 @@ CONTROL_STEP_S = 5e-3
 SQUARE_M = 0.3
 """Side of the ideal square: the diameter that [Lim2022 sec. IV-A] asks of the circles."""
 SQUARE_AHEAD = 0.6
-"""How far in front of the shoulder the square's centre is, in arm lengths: where the elbow is bent by a right angle."""
-
-LEVEL = "shoulders level"
+"""How far in front of the shoulder the square's centre is, in arm lengths: all of the square is within an adult's reach."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A mapping with settings other than its own, called `name`."""
+    """A mapping with its settings, called `name`."""
 
     name: str
     mapping: str
@@ -42,16 +41,18 @@ class Variant:
 
 
 def variants(mappings: Sequence[str]) -> list[Variant]:
-    """Each mapping as it is, and again with shoulders level where it raises hands by a constant.
+    """Each mapping as it is; one that raises hands by a constant as it is in the paper, and with shoulders level.
 
     That constant is TOCABI's over the authors' operator [the authors' code]. On other robots, and with people of other build, a
     mapping would be judged by it; with hands at the same height over both pairs of shoulders the comparison is a fair one.
     """
     found = []
     for name in mappings:
-        found.append(Variant(name, name))
         if "height_m" in load(name).settings:
-            found.append(Variant(f"{name}, {LEVEL}", name, {"height_m": None}))
+            found.append(Variant(f"{name}, raised {HEIGHT_M:g} m", name, {"height_m": HEIGHT_M}))
+            found.append(Variant(f"{name}, shoulders level", name, {"height_m": None}))
+        else:
+            found.append(Variant(name, name))
     return found
 
 
