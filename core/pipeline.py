@@ -39,7 +39,7 @@ class ConvertOptions:
     solver: one of SOLVER_CHOICES, auto = hierarchical for mappings of hands, dynamical for the others. settings: of the mapping, by name.
     online: the paper's one QP per frame instead of converged frames. rate_hz: output rate, None = the recording's.
     start_s, end_s: the part of the recording, on its own clock. smooth_s: half-width of a zero-lag minimum-jerk average over the result
-    (the authors of [Darvish2019] smooth by minimum jerk over 0.25 s, with lag), 0 = none; limits hold all the same. kernel: the compiled solver ([fast]) where it pays, or one of the two.
+    (the authors of [Darvish2019] smooth by minimum jerk over 0.25 s, with lag), 0 = none; limits hold all the same. kernel: the compiled solver where it pays, or one of the two.
     """
 
     mapping: str = "limb_plane"
@@ -118,14 +118,11 @@ def convert(
     Raises `UsageError` for options that contradict each other or the robot, `MotionError` for motions with nothing to retarget,
     `SolverError` when the first frame can't be solved. Frames that fail later are marked in the trajectory's status and counted.
     """
-    from retarget.core import mapping
     from retarget.core.mapping.heading import without_heading
     from retarget.core.metrics import measure
 
     check_options(options)
-    chosen = mapping.load(options.mapping)
-    solver = _solver(chosen, options)
-    _check_settings(chosen, options)
+    chosen, solver = check_mapping(options)
     base = _base(motion, model, options, solver)
     stages = _Stages()
     with stages.timed("prepare"):
@@ -150,6 +147,23 @@ def convert(
     with stages.timed("measure"):
         metrics, series = measure(trajectory, model, motion, targets)
     return ConvertResult(trajectory, motion, targets, metrics, stages.seconds, model, series)
+
+
+def needs_calibration(mapping_name: str) -> bool:
+    """Whether the mapping called so wants `motion.calibration`."""
+    from retarget.core import mapping
+
+    return mapping.load(mapping_name).needs_calibration
+
+
+def check_mapping(options: ConvertOptions) -> tuple[MotionMapping, str]:
+    """The mapping and the solver that `options` mean. Raises `UsageError` for combinations that can't work and unknown settings."""
+    from retarget.core import mapping
+
+    chosen = mapping.load(options.mapping)
+    solver = _solver(chosen, options)
+    _check_settings(chosen, options)
+    return chosen, solver
 
 
 def _solver(chosen: MotionMapping, options: ConvertOptions) -> str:
