@@ -22,6 +22,8 @@ ORIGINAL = "original"
 
 LEAST_TURNS = 1.5
 """Fewer turns are no circle that somebody meant to draw: a swinging hand makes one now and then."""
+ALMOST_A_TURN = 0.25
+"""How much of its last turn a hand may owe: averaging eats some of where it begins and ends."""
 PATH_SMOOTH_S, TURN_SMOOTH_S = 0.1, 0.25
 """Half-widths over which a path and its turning rate are averaged before circles are looked for: less than a quarter of a turn."""
 SLOWEST = 0.1
@@ -72,7 +74,7 @@ def find_circle(time: Array, points: Array) -> tuple[float, float] | None:
     if turned < LEAST_TURNS * 2 * np.pi:
         return None
     progress = np.abs(heading[begin:end] - heading[begin])
-    whole = 2 * np.pi * np.floor(turned / (2 * np.pi))
+    whole = min(turned, 2 * np.pi * np.floor(turned / (2 * np.pi) + ALMOST_A_TURN))
     inside = (progress >= 0.5 * (turned - whole)) & (progress <= 0.5 * (turned + whole))
     drawn = time[begin:end][inside]
     return float(drawn[0]), float(drawn[-1])
