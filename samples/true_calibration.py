@@ -15,21 +15,19 @@ from retarget.samples.trackers import HAND_OFFSET
 def true_calibration(take: Take) -> Calibration:
     """The operator of `take` as the trackers strapped on for it would show him in the Still, T and Forward pose, free of faults.
 
-    The operator frame has its origin at the pelvis in the Still pose, in which every task starts, and the chest counts as not having moved
-    since. As with trackers, `chest_position` is where the chest's tracker is. Calibrations of takes with the same heading, origin and
+    The operator frame has its origin at the pelvis in the Still pose, in which every task starts, about which the body sways, and the chest
+    counts as not having moved since. As with trackers, `chest_position` is where the chest's tracker is. Calibrations of takes with the same heading, origin and
     `mount_seed` are the same but for `windows_s`, which is empty where the task has no such poses.
     """
     back = rotations.exp(np.array([0.0, 0.0, -take.heading_rad]))
-    origin = take.position("Pelvis")[0]
+    pose = take.still
+    origin = pose.position[0, pose.index("Pelvis")]
 
     def in_operator_frame(point: Array) -> Array:
         return rotations.rotate(back, point - origin)
 
-    still = {
-        segment: rotations.multiply(back, take.motion.orientation[0, take.motion.index(segment)])
-        for segment in take.mounts
-    }
-    chest = in_operator_frame(take.position("T8")[0])
+    still = {segment: rotations.multiply(back, pose.orientation[0, pose.index(segment)]) for segment in take.mounts}
+    chest = in_operator_frame(pose.position[0, pose.index("T8")])
     arms = {side: _arm(take.task.operator, side, chest + SHOULDER[side]) for side in SIDES}
     poses = {"still", "tpose", "forward"}
     windows = take.task.windows
