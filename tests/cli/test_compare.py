@@ -93,7 +93,8 @@ def test_the_samples(run: Run) -> None:
     assert shown.stderr == ""
     index = record["circles"]["left"]["index"]["hand_position"]
     assert re.search(rf"^  hand_position +{index:.4f} \(-\d\d\.\d %\)", shown.stdout, re.MULTILINE)
-    assert "  operator's arm     0.6661 m  0.6661 m\n" in shown.stdout
+    lengths = "  ".join(f"{record['operator'][side]['arm_length_m']:.4f} m" for side in ("left", "right"))
+    assert f"  operator's arm     {lengths}\n" in shown.stdout
     assert re.search(r"^  absolute +0\.03\d\d \(same\)", shown.stdout, re.MULTILINE)
     assert "arm direction error in degrees, clap_trackers: " in shown.stdout
 
@@ -200,7 +201,7 @@ def test_a_suit(run: Run) -> None:
         (("--robot", "tocabbi"), 2, "unknown robot 'tocabbi'; did you mean tocabi?"),
         (("--mapping", "limb_plane"), 2, "mapping 'limb_plane' gives hands no positions; expected one of"),
         (("--window", "20:30"), 2, "--window 20:30: circles_trackers: found a window from 20 to 30 s, expected one in"),
-        (("--window", "0.1:0.3"), 2, "found a hand that doesn't move in the y-z plane"),
+        (("--window", "0.1:0.115"), 2, "fewer than three frames from 0.1 to 0.115 s, expected a circle"),
         (("--window", "3"), 2, "expected START:END"),
         (("--report", "nowhere/page.html"), 2, "nowhere: no such folder"),
         (("nofile.csv", "--calibration", "operator.json"), 2, "nofile.csv: no such file"),
