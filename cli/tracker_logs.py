@@ -98,6 +98,11 @@ def read_calibrated(path: str, calibration: str | None, facts: Mapping[str, Any]
             return apply(known, recording)
         except MotionError as error:
             raise MotionError(f"{shown}: {error}") from error
+    if known is not None and known.trackers:
+        raise MotionError(
+            f"{shown}: calibration of another tracker set: it is of {', '.join(sorted(known.trackers.values()))}; "
+            "the recording is a suit's"
+        )
     return replace(recording, calibration=known) if known else recording
 
 

@@ -29,7 +29,15 @@ MAY_IMPORT: dict[str, dict[str, set[str] | None]] = {
 
 ONLY_IN = {"click": {"cli"}, "matplotlib": {"cli"}, "h5py": {"formats"}, "mcap": {"formats"}, "rosbags": {"formats"}}
 HEAVY = {"pinocchio", "placo", "mujoco", "h5py", "rosbags", "mcap", "matplotlib", "numba", "scipy", "daqp"}
-HEAVY_AT_LOAD = ("core.solve.", "cli.figures", "cli.calibration_picture", "cli.stick_figures", "cli.report_page")
+HEAVY_AT_LOAD = (
+    "core.solve.",
+    "cli.figures",
+    "cli.calibration_picture",
+    "cli.stick_figures",
+    "cli.report_page",
+    "cli.comparison_figures",
+    "cli.comparison_page",
+)
 
 
 @dataclass(frozen=True)
@@ -138,7 +146,8 @@ def loaded_by(code: str) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], ["--version"], ["convert", "--help"], ["robots", "--help"], ["demo", "--help"]]
+    "arguments",
+    [["--help"], ["--version"], ["convert", "--help"], ["robots", "--help"], ["demo", "--help"], ["compare", "--help"]],
 )
 def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     code = f"""
