@@ -129,7 +129,8 @@ def moved_inertia(model: RobotModel) -> Array:
 
     data = model.pin_model.createData()
     matrix = pin.crba(model.pin_model, data, model.configuration(model.reference_posture))
-    return np.array(np.diag(matrix)[-len(model.joint_names) :])
+    n = model.pin_model.nv  # of a single joint pinocchio gives (1,)
+    return np.array(np.diag(np.reshape(matrix, (n, n)))[-len(model.joint_names) :])
 
 
 def _armature(model: RobotModel, inertias: Mapping[int, LinkInertia]) -> Array:
