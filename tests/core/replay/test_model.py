@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -276,6 +277,36 @@ def test_missing_meshes_are_counted_and_left_out(robot_from: RobotFactory, tmp_p
         "1 × sphere without a size (collision): rod",
         "1 × geometry without a shape (collision): rod",
     )
+
+
+def test_a_sheet_cannot_collide_but_be_seen(robot_from: RobotFactory, tmp_path: Path) -> None:
+    sheet = collision('<mesh filename="sheet.obj"/>')
+    shapes = sheet + sheet.replace("collision", "visual")
+    robot = robot_from(link("base") + link("rod", shapes=shapes) + hinge("swing", "base", "rod"))
+    (tmp_path / "urdf" / "sheet.obj").write_text("v 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nf 1 2 3 4\n")
+    for _ in ("compiled", "from the cache"):
+        replay = build(robot, base="fixed", visuals=True, cache=tmp_path / "cache")
+        assert replay.mj.geom_group.tolist() == [2]
+        assert replay.warnings == ("1 × flat mesh, which has no solid (collision): rod",)
+
+
+def test_a_full_cache_forgets_what_was_not_used_for_longest(
+    robot_from: RobotFactory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bodies = [PENDULUM.replace("0 0 -0.5", f"0 0 -0.{i}") for i in range(1, 5)]
+    folder = tmp_path / "cache"
+    for i, body in enumerate(bodies[:3]):
+        build(robot_from(body), base="fixed", cache=folder)
+        for age, path in enumerate(sorted(folder.iterdir(), key=lambda path: -path.stat().st_mtime_ns)):
+            os.utime(path, (1e9 - 100 * (age + 1),) * 2)
+        assert len(list(folder.iterdir())) == i + 1
+    used = build(robot_from(bodies[0]), base="fixed", cache=folder)
+    size = next(folder.iterdir()).stat().st_size
+    monkeypatch.setattr(model_cache, "LARGEST_FOLDER_BYTES", 2.5 * size)
+    build(robot_from(bodies[3]), base="fixed", cache=folder)
+    assert len(list(folder.iterdir())) == 2
+    monkeypatch.setattr(mujoco.MjSpec, "compile", None)  # from the cache, or not at all
+    assert build(robot_from(bodies[0]), base="fixed", cache=folder).mj.nv == used.mj.nv
 
 
 @pytest.mark.parametrize(
