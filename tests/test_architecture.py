@@ -31,19 +31,13 @@ ONLY_IN = {"click": {"cli"}, "matplotlib": {"cli"}, "h5py": {"formats"}, "mcap":
 HEAVY = {"pinocchio", "placo", "mujoco", "h5py", "rosbags", "mcap", "matplotlib", "numba", "scipy", "daqp"}
 HEAVY_AT_LOAD = (
     "core.solve.",
-<<<<<<< HEAD
-=======
     "core.replay.",
->>>>>>> w-vmodel
     "cli.figures",
     "cli.calibration_picture",
     "cli.stick_figures",
     "cli.report_page",
-<<<<<<< HEAD
     "cli.comparison_figures",
     "cli.comparison_page",
-=======
->>>>>>> w-vmodel
 )
 
 
