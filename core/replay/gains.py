@@ -14,7 +14,7 @@ from retarget.core.types import Array
 GainSource = Literal["auto", "profile", "inertia"]
 GAIN_SOURCES: tuple[GainSource, ...] = ("auto", "profile", "inertia")
 NATURAL_FREQUENCY_RAD_S = 60.0
-"""Of a joint by itself, critically damped: a fifth of a degree behind on a walk, and soft enough for the lightest wrist at 2 kHz."""
+"""Of a joint by itself, critically damped: a quarter of a degree behind on a walk, and damping well within what 2 kHz can hold stable."""
 
 
 @dataclass(frozen=True, eq=False)
