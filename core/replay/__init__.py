@@ -1,1 +1,1 @@
-"""Can the robot do it? Checks of a trajectory against the robot's kinematics, and its replay in a physics engine."""
+"""Replay in MuJoCo: the robot as a simulation model, and checks of a trajectory on it."""
