@@ -52,8 +52,8 @@ def replay(
     series: "time" (B,) s, "power_w" (B,), and per joint "joint_error_deg/<joint>" (B,), "torque_nm/<joint>" (B,), of each run of steps the value of
     the largest size. Sliding joints: "joint_error_mm/<joint>", and N for Nm.
     facts: "options", "control_rate_hz", "duration_s", "base", and "joints": joint → its errors, torques, limit (None where unknown) and gains.
-    Raises `InvalidDataError` and `UnknownNameError` for joints that don't fit the robot, `MotionError` for less than one control step, `UsageError`
-    for options that contradict the model.
+    Raises `InvalidDataError` for joints that don't fit the robot, `MotionError` for less than one control step, `UsageError` for options that
+    contradict the model.
     """
     options, thresholds = options or FixedOptions(), thresholds or Thresholds("fixed")
     if thresholds.mode != "fixed":
