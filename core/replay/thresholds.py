@@ -74,10 +74,18 @@ KINEMATIC = (
 )  # fmt: skip
 
 FIXED = (
+    Threshold("simulation_lost_s", "s", 0, "what the simulation never reached because it blew up has no verdict"),
     Threshold("joint_tracking_rmse_deg", "deg", 3, "over all joints; with gravity compensated, good gains stay below 1"),
     Threshold("joint_tracking_peak_deg", "deg", 15, "one joint, one moment: an arm that is off by more looks different"),
-    Threshold("torque_saturation_percent", "%", 1, "part of joint samples at the torque limit: touching it is use, staying there is failure"),
-    Threshold("torque_ratio_max", "", None, "largest torque that the law asked for beside the limit; saturation says whether it mattered"),
+    Threshold("joint_tracking_rmse_mm", "mm", 10, "of sliding joints, for robots that have some"),
+    Threshold("joint_tracking_peak_mm", "mm", 50, "of sliding joints, for robots that have some"),
+    Threshold("torque_saturation_percent", "%", 1, "part of the time with any joint at its limit: touching it is use, staying there is failure"),
+    Threshold("torque_peak_ratio", "", None, "largest torque beside the joint's limit; saturation says whether it mattered"),
+    Threshold("torque_rms_nm", "Nm", None, "of the joint that works hardest; what heats a motor depends on the motor"),
+    Threshold("power_peak_w", "W", None, "mechanical, all motors that give power together; what the supply bears depends on the robot"),
+    Threshold("power_mean_w", "W", None, "mechanical, given by the motors"),
+    Threshold("energy_j", "J", None, "grows with the clip's length"),
+    Threshold("energy_balance_error_j", "J", None, "the integrator's own error, beside the work that the note tells"),
 )  # fmt: skip
 
 TABLE: Mapping[str, tuple[Threshold, ...]] = MappingProxyType({"kinematic": KINEMATIC, "fixed": FIXED})
