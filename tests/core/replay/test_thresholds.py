@@ -10,14 +10,16 @@ from retarget.core.replay.thresholds import TABLE, Thresholds, modes_of
 
 
 def test_every_default_has_a_reason_and_a_name_with_its_unit() -> None:
-    suffixes = {"deg": "_deg", "mm": "_mm", "m": "_m", "m/s": "_m_s", "rad": "_rad", "rad/s": "_rad_s", "%": "_percent",
-                "rad/s²": "_rad_s2", "rad/s³": "_rad_s3"}  # fmt: skip
+    suffixes = {
+        "deg": "_deg", "mm": "_mm", "m": "_m", "m/s": "_m_s", "rad": "_rad", "rad/s": "_rad_s", "rad/s²": "_rad_s2",
+        "rad/s³": "_rad_s3", "%": "_percent", "s": "_s", "Nm": "_nm", "W": "_w", "J": "_j",
+    }  # fmt: skip
     for mode, rows in TABLE.items():
         assert len({row.name for row in rows}) == len(rows), mode
         for row in rows:
             assert len(row.why) > 20
             assert row.limit is None or row.limit >= 0
-            assert not row.unit or row.name.endswith(suffixes[row.unit]) or "_max" in row.name
+            assert row.name.endswith(suffixes[row.unit] if row.unit else row.name)
 
 
 def test_check_is_judged_with_rounding_and_names_place_and_time() -> None:
