@@ -51,7 +51,7 @@ def replay(
     log: gets every control step's signals, some thousand at a time, in order; `Signals.joined` makes one of them.
     series, (B,) each: "time" in s; per joint "reference_deg/<joint>" and "position_deg/<joint>" at that time; "joint_error_deg/<joint>",
     "torque_nm/<joint>", and "power_w", of the steps from there to the next time the value of the largest size. Sliding joints: mm for deg, N for Nm.
-    facts: "options", "control_rate_hz", "duration_s", "base", and "joints": joint → its errors, torques, limit (None where unknown) and gains.
+    facts: "options", "control_rate_hz", "duration_s", "base", "model_warnings", and "joints": joint → its errors, torques, limit (None where unknown) and gains.
     Raises `InvalidDataError` for joints that don't fit the robot, `MotionError` for less than one control step, `UsageError` for options that
     contradict the model.
     """
@@ -217,5 +217,6 @@ def _facts(
         "control_rate_hz": CONTROL_RATE_HZ,
         "duration_s": float(trajectory.time[-1] - trajectory.time[0]),
         "base": base,
+        "model_warnings": list(model.warnings),
         "joints": joints,
     }
