@@ -40,7 +40,7 @@ class ReplayModel:
     mj: `mujoco.MjModel`. qpos, qvel, actuators: (n,) addresses of each joint's position, velocity and motor. base_qpos, base_qvel: first of the
     base's 7 and 6 (position and quaternion wxyz; linear velocity in the world, angular in the body), None where it stands still.
     torque_limit_nm: (n,), inf where unknown. armature: (n,) kg m², part of MuJoCo's own mass
-    matrix. friction_nm, damping_nms_rad: (n,), the URDF's.
+    matrix. friction_nm, damping_nms_rad: (n,), the URDF's, placeholders left out.
     self_collision: whether the robot's shapes meet each other. excluded: pairs of bodies whose shapes are not judged against each other;
     touching: those of them that are no neighbours, but overlap in the reference posture. body_of_link: link → id of the body that carries it.
     repaired: links whose inertia no rigid body can have. warnings: what had to be left out, for the user.

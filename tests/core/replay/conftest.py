@@ -1,4 +1,4 @@
-"""Small robots written on the spot, and every packaged robot as a simulation model."""
+"""Small robots written on the spot, every packaged robot as a simulation model, and the samples retargeted to them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from retarget import robots
+from retarget import formats, robots, samples
 from retarget.core import robot_model
+from retarget.core.pipeline import ConvertOptions, convert
 from retarget.core.profile import ModelSource, RobotProfile
 from retarget.core.replay import model as replay_model
 from retarget.core.replay.model import ReplayModel
 from retarget.core.robot_model import RobotModel
+from retarget.core.types import JointTrajectory
 
 RobotFactory = Callable[..., RobotModel]
 
@@ -81,3 +83,22 @@ def replayed(
         return replay_model.build(robot, base=base or robot.profile.base, self_collision=True, cache=folder)
 
     return build
+
+
+@pytest.fixture(scope="session")
+def clip() -> Callable[[str, str], tuple[JointTrajectory, Any]]:
+    """`clip(robot, sample)` → (trajectory, `RobotModel`), each computed once per session."""
+
+    @cache
+    def make(robot: str, sample: str) -> tuple[JointTrajectory, Any]:
+        motion = formats.read_motion(samples.sample_path(sample))
+        model = robot_model.build(robots.load(robot), motion)
+        return convert(motion, model, ConvertOptions()).trajectory, model
+
+    return make
+
+
+@pytest.fixture
+def walking(clip: Callable[[str, str], tuple[JointTrajectory, Any]]) -> tuple[JointTrajectory, Any]:
+    """The walk on G1: 60 Hz, ends in a turn of 90° to the left."""
+    return clip("g1", "walk")

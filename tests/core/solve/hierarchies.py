@@ -12,6 +12,7 @@ from retarget.core import rotations
 from retarget.core.kinematics import link_poses
 from retarget.core.robot_model import RobotModel
 from retarget.core.solve.hierarchical import HierarchicalSolver
+from retarget.core.solve.priorities import narrowed
 from retarget.core.types import Array, Targets, Task
 
 HAND_OFFSET = np.array([0.02, -0.03, 0.08])
@@ -60,7 +61,8 @@ def paper_targets(
 def upper_body_motion(
     robot: RobotModel, frames: int, seed: int = 0, rate_hz: float = 60.0, reach: float = 0.3
 ) -> Array:
-    """Joints (T, n) that swing about the reference posture, inside the limits; legs in it."""
+    """Joints (T, n) that swing about the reference posture, inside the limits that the hierarchy has; legs in it."""
+    robot = narrowed(robot)
     rng, time = np.random.default_rng(seed), np.arange(frames) / rate_hz
     count = len(robot.joint_names)
     phase, away = rng.uniform(0, 6, count), rng.uniform(-0.2, 0.2, count)
