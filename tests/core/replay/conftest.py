@@ -14,19 +14,21 @@ from retarget.core.types import JointTrajectory
 
 
 @pytest.fixture(scope="session")
-def clip() -> Callable[[str, str], tuple[JointTrajectory, Any]]:
-    """`clip(robot, sample)` → (trajectory, `RobotModel`), each computed once per session."""
+def clip() -> Callable[..., tuple[JointTrajectory, Any]]:
+    """`clip(robot, sample, start_s=None, end_s=None)` → (trajectory, `RobotModel`), each computed once per session."""
 
     @cache
-    def make(robot: str, sample: str) -> tuple[JointTrajectory, Any]:
+    def make(
+        robot: str, sample: str, start_s: float | None = None, end_s: float | None = None
+    ) -> tuple[JointTrajectory, Any]:
         motion = formats.read_motion(samples.sample_path(sample))
         model = robot_model.build(robots.load(robot), motion)
-        return convert(motion, model, ConvertOptions()).trajectory, model
+        return convert(motion, model, ConvertOptions(start_s=start_s, end_s=end_s)).trajectory, model
 
     return make
 
 
 @pytest.fixture
-def walking(clip: Callable[[str, str], tuple[JointTrajectory, Any]]) -> tuple[JointTrajectory, Any]:
+def walking(clip: Callable[..., tuple[JointTrajectory, Any]]) -> tuple[JointTrajectory, Any]:
     """The walk on G1: 60 Hz, ends in a turn of 90° to the left."""
     return clip("g1", "walk")
