@@ -20,6 +20,7 @@ from retarget.core.errors import RetargetError, UnknownNameError
 COMMANDS = {
     "convert": "Turn recordings into robot joint trajectories.",
     "calibrate": "Make an operator's calibration of recordings of three poses.",
+    "compare": "Compare hand mappings by the experiments of Lim et al. 2022.",
     "info": "Say what is in a recording or a trajectory.",
     "robots": "List, show and check robots.",
     "demo": "Convert a sample walk to two robots and write a report.",

@@ -36,6 +36,8 @@ HEAVY_AT_LOAD = (
     "cli.calibration_picture",
     "cli.stick_figures",
     "cli.report_page",
+    "cli.comparison_figures",
+    "cli.comparison_page",
 )
 
 
@@ -145,7 +147,8 @@ def loaded_by(code: str) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], ["--version"], ["convert", "--help"], ["robots", "--help"], ["demo", "--help"]]
+    "arguments",
+    [["--help"], ["--version"], ["convert", "--help"], ["robots", "--help"], ["demo", "--help"], ["compare", "--help"]],
 )
 def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     code = f"""
