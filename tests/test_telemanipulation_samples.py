@@ -154,13 +154,12 @@ class TestBoxOnTocabi:
         solver = HierarchicalSolver(targets, model, HierarchicalOptions(control_step_s=STEP_S))
         assert len(solver.levels) == 4
         wanted = TaskSamples(solver.tasks, model)
-        time, largest, used = motion("box_trackers").time, 0.0, 0
+        time, largest = motion("box_trackers").time, 0.0
         for frame in range(1, len(time) - 1, 10):
             step = solution.joints[frame] - solution.joints[frame - 1]
             before = step[solver.columns] / (time[frame] - time[frame - 1])
             found = solver.step(solution.joints[frame], wanted.at(frame), frame, before, STEP_S)
             assert found.failed is None
             largest = max(largest, largest_change(solver, before, found.velocity, STEP_S))
-            used += int(found.freedom[1:].all())
+            assert (found.freedom[:3] > 0).all(), "nothing was left for the upper arms to do"
         assert largest < 1e-6
-        assert used > 10, "nothing was left to the lower levels"
