@@ -11,6 +11,7 @@ from retarget import robots
 from retarget.core import rotations
 from retarget.core.kinematics import link_poses
 from retarget.core.robot_model import RobotModel
+from retarget.core.solve.cascade import Cascade
 from retarget.core.solve.hierarchical import HierarchicalSolver
 from retarget.core.solve.priorities import narrowed
 from retarget.core.types import Array, Targets, Task
@@ -127,3 +128,24 @@ def paper_cascade(
         solved.append(flag in (1, 2))
         found.append(velocity)
     return np.array(found), np.array(solved)
+
+
+def largest_change(solver: HierarchicalSolver, before: Array, full: Array, step_s: float) -> float:
+    """By how much a level's task velocities differ between the cascade that ends with it and the whole one."""
+    rows, limits, largest = solver.rows, solver.limits, 0.0
+    for count in range(1, len(solver.levels)):
+        part = Cascade(solver.levels[:count], solver.level_rows[:count], solver.weight, limits.speed)
+        found = part.solve(
+            0,
+            rows.jacobian,
+            rows.command,
+            rows.inertia + solver.added_inertia,
+            limits.lower,
+            limits.upper,
+            np.concatenate([rows.hand_rows, limits.coupled]),
+            before,
+            step_s,
+        )
+        own = slice(0, solver.level_rows[count - 1].stop)
+        largest = max(largest, float(np.abs(rows.jacobian[own] @ (full - found.velocity)).max()))
+    return largest
