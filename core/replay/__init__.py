@@ -1,0 +1,1 @@
+"""Replay of trajectories in MuJoCo: models, checks, torque control, pictures."""
