@@ -1,1 +1,0 @@
-"""Replay of trajectories in MuJoCo: models, checks, torque control, pictures."""
