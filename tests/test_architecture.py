@@ -29,7 +29,14 @@ MAY_IMPORT: dict[str, dict[str, set[str] | None]] = {
 
 ONLY_IN = {"click": {"cli"}, "matplotlib": {"cli"}, "h5py": {"formats"}, "mcap": {"formats"}, "rosbags": {"formats"}}
 HEAVY = {"pinocchio", "placo", "mujoco", "h5py", "rosbags", "mcap", "matplotlib", "numba", "scipy", "daqp"}
-HEAVY_AT_LOAD = ("core.solve.", "cli.figures", "cli.calibration_picture", "cli.stick_figures", "cli.report_page")
+HEAVY_AT_LOAD = (
+    "core.solve.",
+    "core.replay.",
+    "cli.figures",
+    "cli.calibration_picture",
+    "cli.stick_figures",
+    "cli.report_page",
+)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,176 @@
+"""Replay on a fixed base under torque control at 2000 Hz: does the robot's own dynamics, within its motors' limits, follow the motion?
+
+The base link is held upright where the model puts it, whatever the trajectory says of its base: what is tried is the joints' motion, against gravity,
+inertia, friction and torque limits, not balance. The robot starts in the first frame, moving as the reference does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from retarget.core.errors import UsageError
+from retarget.core.replay.fixed_measures import FixedMeasures
+from retarget.core.replay.gains import NATURAL_FREQUENCY_RAD_S, GainSource, gains
+from retarget.core.replay.model import ReplayModel
+from retarget.core.replay.reference import Reference
+from retarget.core.replay.thresholds import Thresholds
+from retarget.core.replay.torque_law import CONTROL_RATE_HZ, controlled_model
+from retarget.core.replay.torque_loop import Signals, run
+from retarget.core.types import Array, Check, JointTrajectory, ValidationReport
+
+
+@dataclass(frozen=True)
+class FixedOptions:
+    """How the robot is controlled.
+
+    gains: "profile", "inertia", or "auto", the profile's where it states a joint's. natural_frequency_rad_s: for gains from inertia.
+    feed_forward: add inverse dynamics of the reference, so that feedback has only errors to correct.
+    friction_compensation: add what the joints' friction along the reference takes, as drives with torque sensors do.
+    self_collision: links push each other; needs a model that was built with self-collision.
+    """
+
+    gains: GainSource = "auto"
+    natural_frequency_rad_s: float = NATURAL_FREQUENCY_RAD_S
+    feed_forward: bool = False
+    friction_compensation: bool = True
+    self_collision: bool = False
+
+
+def replay(
+    trajectory: JointTrajectory,
+    model: ReplayModel,
+    options: FixedOptions | None = None,
+    thresholds: Thresholds | None = None,
+    log: Callable[[Signals], None] | None = None,
+) -> ValidationReport:
+    """Follow `trajectory` with `model`, built on a fixed base, and report how well it went (mode "fixed").
+
+    log: gets every control step's signals, some thousand at a time, in order; `Signals.joined` makes one of them.
+    series: "time" (B,) s, "power_w" (B,), and per joint "joint_error_deg/<joint>" (B,), "torque_nm/<joint>" (B,), of each run of steps the value of
+    the largest size; "torque_limit_nm" (n,), inf where unknown. Sliding joints: "joint_error_mm/<joint>", and N for Nm.
+    Raises `InvalidDataError` and `UnknownNameError` for joints that don't fit the robot, `MotionError` for less than one control step, `UsageError`
+    for options that contradict the model.
+    """
+    options, thresholds = options or FixedOptions(), thresholds or Thresholds("fixed")
+    if thresholds.mode != "fixed":
+        raise UsageError(f"thresholds are for mode '{thresholds.mode}'; expected 'fixed'")
+    chosen = gains(model, options.gains, options.natural_frequency_rad_s)
+    controlled = controlled_model(model, chosen, contacts=options.self_collision)
+    reference = Reference.of(trajectory, model.robot, CONTROL_RATE_HZ)
+    measures = FixedMeasures(model, reference.steps, reference.step_s)
+    for signals in run(
+        controlled,
+        model,
+        reference,
+        chosen,
+        friction_compensation=options.friction_compensation,
+        feed_forward=options.feed_forward,
+    ):
+        measures.add(signals)
+        if log is not None:
+            log(signals)
+    checks = _Checks(model, thresholds, measures, reference)
+    return ValidationReport(trajectory.robot or model.robot.profile.name, tuple(checks.all()), _series(model, measures))
+
+
+class _Checks:
+    """The report's checks, each with the joint and the time at fault."""
+
+    def __init__(self, model: ReplayModel, thresholds: Thresholds, measures: FixedMeasures, reference: Reference) -> None:
+        self.names = model.robot.joint_names
+        self.turning = _turning(model)
+        self.check, self.measures, self.reference = thresholds.check, measures, reference
+
+    def all(self) -> Iterator[Check]:
+        yield self.completed()
+        yield from self.tracking("deg", self.turning, np.degrees(1.0))
+        if not self.turning.all():
+            yield from self.tracking("mm", ~self.turning, 1e3)
+        yield from self.torques()
+        yield from self.powers()
+
+    def completed(self) -> Check:
+        """A simulation that blew up is no verdict on the rest of the clip."""
+        lost = self.reference.steps - self.measures.steps
+        if not lost:
+            return self.check("simulation_lost_s", 0.0)
+        at = self.reference.time(self.measures.steps, self.measures.steps + 1)[0]
+        worst = self.names[int(self.measures.peak_error.argmax())]
+        note = "the simulation blew up: gains too high for these inertias at 2000 Hz, or links pressed into each other"
+        return self.check("simulation_lost_s", lost * self.reference.step_s, note, where=worst, time_s=float(at))
+
+    def tracking(self, unit: str, joints: Array, scale: float) -> Iterator[Check]:
+        """Errors of `joints` (n,) bool, in `unit`, `scale` of them a rad or m."""
+        measures, chosen = self.measures, np.flatnonzero(joints)
+        if not len(chosen):
+            return
+        rms, peak = measures.rms_error[chosen] * scale, measures.peak_error[chosen] * scale
+        worst = int(rms.argmax())
+        yield self.check(
+            f"joint_tracking_rmse_{unit}",
+            float(np.sqrt(np.mean(rms**2))),
+            f"{rms[worst]:.3g} {unit} there, over the clip",
+            where=self.names[chosen[worst]],
+        )
+        at = int(chosen[peak.argmax()])
+        yield self.check(
+            f"joint_tracking_peak_{unit}",
+            float(peak.max()),
+            where=self.names[at],
+            time_s=float(measures.peak_error_s[at]),
+        )
+
+    def torques(self) -> Iterator[Check]:
+        """How near the motors come to their limits."""
+        measures = self.measures
+        if not np.isfinite(measures.limit).any():
+            for name in ("torque_saturation_percent", "torque_peak_ratio"):
+                yield self.check(name, None, "no joint's torque limit is known")
+        else:
+            percent, note, where, when = 100.0 * measures.saturated_steps / max(measures.steps, 1), "", "", None
+            if measures.saturated_steps:
+                worst = int(measures.joint_saturated_steps.argmax())
+                where, when = self.names[worst], float(measures.first_saturated_s[worst])
+                share = 100.0 * measures.joint_saturated_steps[worst] / measures.steps
+                others = int(np.count_nonzero(measures.joint_saturated_steps)) - 1
+                note = f"{share:.3g} % there, from then on" + (f"; {others} more joints" if others else "")
+            yield self.check("torque_saturation_percent", percent, note, where=where, time_s=when)
+            at = int(measures.torque_ratio.argmax())
+            yield self.check(
+                "torque_peak_ratio",
+                float(measures.torque_ratio[at]),
+                f"{measures.peak_torque[at]:.3g} of {measures.limit[at]:.3g} Nm",
+                where=self.names[at],
+                time_s=float(measures.peak_torque_s[at]),
+            )
+        strongest = int(measures.rms_torque.argmax())
+        yield self.check("torque_rms_nm", float(measures.rms_torque[strongest]), where=self.names[strongest])
+
+    def powers(self) -> Iterator[Check]:
+        """What the motors give, and whether the simulation's energy adds up."""
+        measures = self.measures
+        yield self.check("power_peak_w", measures.peak_power_w, time_s=measures.peak_power_s)
+        yield self.check("power_mean_w", measures.mean_power_w)
+        yield self.check("energy_j", measures.energy_j)
+        missing, gross = measures.energy_balance_j
+        yield self.check("energy_balance_error_j", abs(missing), f"of {gross:.4g} J that the motors gave or took")
+
+
+def _turning(model: ReplayModel) -> Array:
+    """(n,) bool: which joints turn; the others slide."""
+    import mujoco
+
+    kinds = model.mj.jnt_type[model.mj.dof_jntid[model.qvel]]
+    return np.asarray(kinds == mujoco.mjtJoint.mjJNT_HINGE)
+
+
+def _series(model: ReplayModel, measures: FixedMeasures) -> dict[str, Array]:
+    time, error, torque, power = measures.points()
+    series = {"time": time, "power_w": power, "torque_limit_nm": measures.limit}
+    for i, (name, turns) in enumerate(zip(model.robot.joint_names, _turning(model), strict=True)):
+        unit, scale = ("deg", np.degrees(1.0)) if turns else ("mm", 1e3)
+        series[f"joint_error_{unit}/{name}"] = error[:, i] * scale
+        series[f"torque_nm/{name}"] = torque[:, i]
+    return series

@@ -1,0 +1,75 @@
+"""Compiled models on disk, under the hash of all they were made from: a robot whose meshes take a second to prepare loads in milliseconds."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+VERSION = 1
+"""Raised whenever the same input makes another model."""
+
+
+def default_folder() -> Path | None:
+    """`$XDG_CACHE_HOME/retarget`, else `~/.cache/retarget`; where these can't be written a private temporary folder; None if that can't either."""
+    home = os.environ.get("XDG_CACHE_HOME", "")
+    with contextlib.suppress(RuntimeError):  # no home folder at all
+        base = Path(home) if Path(home).is_absolute() else Path.home() / ".cache"
+        if _is_private(base / "retarget"):
+            return base / "retarget"
+    temporary = Path(tempfile.gettempdir()) / f"retarget-{os.getuid()}"
+    return temporary if _is_private(temporary) else None
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether the folder could be made, is ours, and is writable: models are loaded from it, so nobody else may put some there."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.stat()
+    except OSError:
+        return False
+    return status.st_uid == os.getuid() and not status.st_mode & 0o022 and os.access(folder, os.W_OK)
+
+
+def key_of(parts: Iterable[bytes | str]) -> str:
+    """Hash of everything that decides what the model is, MuJoCo's version included."""
+    digest = hashlib.sha256()
+    for part in (str(VERSION), mujoco.__version__, *parts):
+        raw = part.encode() if isinstance(part, str) else part
+        digest.update(len(raw).to_bytes(8, "little"))
+        digest.update(raw)
+    return digest.hexdigest()
+
+
+def load(folder: Path | None, key: str) -> Any | None:
+    """The model stored under `key`, or None. A file that can't be read is as good as none."""
+    path = None if folder is None else folder / f"{key}.mjb"
+    if path is None or not path.is_file():
+        return None
+    try:
+        return mujoco.MjModel.from_binary_path(str(path))
+    except (ValueError, RuntimeError, mujoco.FatalError):
+        return None
+
+
+def store(folder: Path | None, key: str, mj: Any) -> None:
+    """Keeps the model. Failing to is no failure: it is only slower next time."""
+    if folder is None:
+        return
+    temporary = None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=folder, suffix=".tmp")
+        os.close(handle)
+        temporary = Path(name)
+        mujoco.mj_saveModel(mj, name, None)
+        temporary.replace(folder / f"{key}.mjb")
+    except (OSError, RuntimeError, ValueError, mujoco.FatalError):
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
