@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +134,7 @@ def _faces(primitive: ET.Element, index: NDArray[np.int64]) -> NDArray[np.int64]
         raise ValueError(f"<vcount> adds up to {sum(lengths)} corners, <p> holds {len(index)}")
     ends = np.cumsum(lengths)
     fans = [index[end - n : end] for end, n in zip(ends, lengths, strict=True)]
-    faces = [(fan[0], b, c) for fan in fans for b, c in zip(fan[1:], fan[2:], strict=False)]
+    faces = [(fan[0], b, c) for fan in fans for b, c in pairwise(fan[1:])]
     return np.array(faces, int).reshape(-1, 3)
 
 

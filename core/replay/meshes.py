@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,6 @@ def _obj(content: bytes) -> Array:
             if any(number == 0 or abs(number) > len(vertices) for number in numbers):
                 raise ValueError(f"a face names a vertex that is not there: {line.strip()}")
             polygon = [number - 1 if number > 0 else len(vertices) + number for number in numbers]
-            corners += [(polygon[0], b, c) for b, c in zip(polygon[1:], polygon[2:], strict=False)]
+            corners += [(polygon[0], b, c) for b, c in pairwise(polygon[1:])]
     points = np.array(vertices, float).reshape(-1, 3)
     return np.asarray(points[np.array(corners, int).reshape(-1, 3)])

@@ -15,7 +15,7 @@ from retarget.core.errors import FormatError, ProfileError
 from retarget.core.kinematics import link_poses
 from retarget.core.replay import model_cache
 from retarget.core.replay.contacts import near_pairs, touching_pairs
-from retarget.core.replay.inertia import physical
+from retarget.core.replay.inertia import LinkInertia, link_inertias
 from retarget.core.replay.meshes import Mesh, read_mesh
 from retarget.core.replay.shapes import Shape, shapes_of
 from retarget.core.replay.spec import body_names, make_spec
@@ -23,7 +23,7 @@ from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array
 
 LARGEST_EFFORT = 2000.0
-"""Nm, or N of sliding joints: no humanoid's joint is stronger, so a higher figure in a URDF is a placeholder, as 0 is."""
+"""Nm, or N of sliding joints. No humanoid's joint is stronger, so a higher figure in a URDF is a placeholder, as 0 is."""
 SMALLEST_ARMATURE, ARMATURE_SHARE = 0.005, 0.05
 """kg m², and share of the inertia that the joint moves: stands in for the rotor, which URDF has no word for."""
 MASS_TOLERANCE = 1e-6
@@ -37,7 +37,8 @@ class ReplayModel:
 
     mj: `mujoco.MjModel`. qpos, qvel, actuators: (n,) addresses of each joint's position, velocity and motor. base_qpos, base_qvel: first of the
     base's 7 and 6 (position and quaternion wxyz; linear velocity in the world, angular in the body), None where it stands still.
-    torque_limit_nm: (n,), inf where unknown. armature (n,) kg m². friction_nm, damping_nms_rad: (n,), the URDF's.
+    torque_limit_nm: (n,), inf where unknown. armature: (n,) kg m², part of MuJoCo's own mass
+    matrix. friction_nm, damping_nms_rad: (n,), the URDF's.
     excluded: pairs of bodies whose shapes are not judged against each other. body_of_link: link → id of the body that carries it.
     repaired: links whose inertia no rigid body can have. warnings: what had to be left out, for the user.
     """
@@ -92,7 +93,8 @@ def build(
     """
     shapes, warnings = shapes_of(model, visuals=visuals)
     contents = {shape.mesh: shape.mesh.read_bytes() for shape in shapes if shape.mesh is not None}
-    armature, limit = default_armature(model), torque_limits(model)
+    inertias, limit = link_inertias(model), torque_limits(model)
+    armature = _armature(model, inertias)
     height = _standing_height(model) if floor else 0.0
     folder = model_cache.default_folder() if cache is None else cache
     numbers = [model.reference_posture, model.base_rotation, armature, limit, np.array([height])]
@@ -103,11 +105,11 @@ def build(
     if mj is None:
         shapes, meshes = _read_meshes(model, shapes, contents)
         spec = make_spec(
-            model, shapes, meshes, base=base, base_height_m=height, floor=floor, armature=armature, torque_limit=limit
+            model, shapes, meshes, inertias, base=base, base_height_m=height, floor=floor, armature=armature, torque_limit=limit
         )  # fmt: skip
         mj = _compiled(model, spec, self_collision=self_collision)
         model_cache.store(folder, key, mj)
-    return _checked(model, mj, base, warnings)
+    return _checked(model, mj, base, inertias, warnings)
 
 
 def torque_limits(model: RobotModel) -> Array:
@@ -119,7 +121,7 @@ def torque_limits(model: RobotModel) -> Array:
 
 
 def moved_inertia(model: RobotModel) -> Array:
-    """(n,) kg m² (kg for sliding joints): diagonal of the mass matrix in the reference posture, without rotors."""
+    """(n,) kg m² (kg for sliding joints): diagonal of pinocchio's mass matrix in the reference posture, without `armature`."""
     import pinocchio as pin
 
     data = model.pin_model.createData()
@@ -127,9 +129,11 @@ def moved_inertia(model: RobotModel) -> Array:
     return np.array(np.diag(matrix)[-len(model.joint_names) :])
 
 
-def default_armature(model: RobotModel) -> Array:
-    """(n,) kg m²: 5 % of the inertia that the joint moves, at least 0.005."""
-    return np.maximum(SMALLEST_ARMATURE, ARMATURE_SHARE * moved_inertia(model))
+def _armature(model: RobotModel, inertias: Mapping[int, LinkInertia]) -> Array:
+    """(n,) kg m²: the rotor that the description holds, else 5 % of the inertia that the joint moves, at least 0.005."""
+    first = 1 + int(model.base_is_floating)
+    rotor = np.array([inertias[first + k].rotor for k in range(len(model.joint_names))])
+    return np.where(rotor > 0, rotor, np.maximum(SMALLEST_ARMATURE, ARMATURE_SHARE * moved_inertia(model)))
 
 
 def _standing_height(model: RobotModel) -> float:
@@ -173,7 +177,9 @@ def _compiled(model: RobotModel, spec: Any, *, self_collision: bool) -> Any:
         ) from None
 
 
-def _checked(model: RobotModel, mj: Any, base: Base, warnings: Sequence[str]) -> ReplayModel:
+def _checked(
+    model: RobotModel, mj: Any, base: Base, inertias: Mapping[int, LinkInertia], warnings: Sequence[str]
+) -> ReplayModel:
     """Raises `ProfileError` when MuJoCo's model has another mass, or other joints, than pinocchio's."""
     names = model.joint_names
     moving = [mj.joint(i).name for i in range(mj.njnt) if mj.jnt_type[i] != mujoco.mjtJoint.mjJNT_FREE]
@@ -198,11 +204,7 @@ def _checked(model: RobotModel, mj: Any, base: Base, warnings: Sequence[str]) ->
         if str(frame.type) == "BODY"
     }
     pairs = [(int(s) >> 16, int(s) & 0xFFFF) for s in mj.exclude_signature]
-    repaired = tuple(
-        bodies[i]
-        for i, inertia in enumerate(model.pin_model.inertias)
-        if i in bodies and physical(float(inertia.mass), np.array(inertia.inertia))[2]
-    )
+    repaired = tuple(bodies[i] for i, inertia in inertias.items() if inertia.repaired)
     floating = base == "floating"
     return ReplayModel(
         mj=mj,

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from retarget.core import rotations
 from retarget.core.kinematics import axis_frames
-from retarget.core.replay.inertia import physical
+from retarget.core.replay.inertia import LinkInertia
 from retarget.core.replay.meshes import Mesh
 from retarget.core.replay.shapes import Shape
 from retarget.core.robot_model import RobotModel
@@ -53,6 +53,7 @@ def make_spec(
     robot: RobotModel,
     shapes: Sequence[Shape],
     meshes: Mapping[Path, Mesh],
+    inertias: Mapping[int, LinkInertia],
     *,
     base: Literal["fixed", "floating"],
     base_height_m: float,
@@ -75,13 +76,15 @@ def make_spec(
         spec.worldbody.add_geom(
             name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], rgba=[0.9, 0.9, 0.9, 1]
         )
-    bodies = _add_bodies(spec, robot, base, base_height_m)
+    bodies = _add_bodies(spec, robot, inertias, base, base_height_m)
     _add_joints(spec, robot, bodies, armature, torque_limit)
     _add_shapes(spec, robot, bodies, shapes, meshes)
     return spec
 
 
-def _add_bodies(spec: Any, robot: RobotModel, base: str, height: float) -> dict[int, Any]:
+def _add_bodies(
+    spec: Any, robot: RobotModel, inertias: Mapping[int, LinkInertia], base: str, height: float
+) -> dict[int, Any]:
     """pinocchio joint → body."""
     pin_model, names = robot.pin_model, body_names(robot)
     root = int(robot.base_is_floating)
@@ -101,10 +104,9 @@ def _add_bodies(spec: Any, robot: RobotModel, base: str, height: float) -> dict[
             explicitinertial=True,
         )
     for i, body in bodies.items():
-        inertia = pin_model.inertias[i]
-        body.mass, tensor, _ = physical(float(inertia.mass), np.array(inertia.inertia))
-        body.ipos = np.array(inertia.lever)
-        body.fullinertia = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        body.mass = inertias[i].mass
+        body.ipos = np.array(pin_model.inertias[i].lever)
+        body.fullinertia = inertias[i].tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     return bodies
 
 
@@ -136,7 +138,7 @@ def joint_dynamics(robot: RobotModel) -> Array:
     """(n, 2) damping Nms/rad and friction Nm of the URDF's <dynamics>, 0 where it has none."""
     pin_model, n = robot.pin_model, len(robot.joint_names)
     values = np.stack([pin_model.damping[-n:], pin_model.friction[-n:]], axis=1)
-    return np.nan_to_num(np.maximum(values, 0.0))
+    return np.asarray(np.nan_to_num(np.maximum(values, 0.0)))
 
 
 def _add_shapes(
