@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,6 @@ import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
 from retarget.cli.main import unexpected
-from retarget.cli.plan import PIPE
 from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -42,20 +41,38 @@ GAINS = ("auto", "profile", "inertia")
     type=o.Pair("NAME=VALUE"),
     help="Limit of one check, before those of the file; 'none' = report only. Repeat for several.",
 )
-@click.option("--report", metavar="DIR|FILE.html", help="HTML page: a file compares all inputs, a folder gets a page each.")
-@click.option("--video", metavar="FILE.mp4", help="Film of the replay; {stem} and {robot} are filled in. Needs the extra [video].")
-@click.option("--log", metavar="FILE.h5", help="All signals of the torque control at 2 kHz, as HDF5; {stem}, {robot} as above.")
+@click.option(
+    "--report", metavar="DIR|FILE.html", help="HTML page: a file compares all inputs, a folder gets a page each."
+)
+@click.option("--video", metavar="FILE.mp4", help="Film of the replay; {stem} is filled in. Needs the extra [video].")
+@click.option(
+    "--log", metavar="FILE.h5", help="All signals of the torque control at 2 kHz, as HDF5; {stem} is filled in."
+)
 @click.option("--view", is_flag=True, help="Show the replay in MuJoCo's viewer; one input.")
 @click.option("--recording", metavar="FILE", help="What the person did, shown beside the robot in pictures and videos.")
-@click.option("--gains", type=click.Choice(GAINS), default="auto", show_default=True, help="Gains of the torque control: the profile's, or from inertia.")
+@click.option(
+    "--gains",
+    type=click.Choice(GAINS),
+    default="auto",
+    show_default=True,
+    help="Gains of the torque control: the profile's, or from inertia.",
+)
 @click.option("--feed-forward", is_flag=True, help="Add the reference's inverse dynamics to the torque control.")
 @click.option("--self-collision", is_flag=True, help="Let links that meet push each other in the torque control.")
 @click.option(
-    "--joint-order",
-    metavar="robot|isaaclab|FILE",
-    help="Order of the columns of files that name no joints: the robot's, Isaac Lab's (breadth first), or of a file, a name a line.",
+    "--csv-style",
+    type=click.Choice(["unitree"]),
+    help="Read CSV without a header: root position, root quaternion xyzw, joints; as Unitree and GMR write it.",
 )
-@click.option("--rate", "rate_hz", type=o.Number("HZ", above=0), help="Frame rate of files without times. [default: 30]")
+@click.option(
+    "--joint-order",
+    metavar="urdf|isaac|FILE",
+    help="Joints of files that name none: in the URDF's order (Unitree, GMR), in Isaac Sim's (BeyondMimic's npz), or listed in a file, "
+    "a name a line. [default with --csv-style: urdf]",
+)
+@click.option(
+    "--rate", "rate_hz", type=o.Number("HZ", above=0), help="Frame rate of CSV without a header. [default: 30]"
+)
 @click.option("--files-from", metavar="FILE|-", help="Read more inputs from this file, one a line.")
 @click.option("-0", "--null", "nul", is_flag=True, help="--files-from is separated by NUL, not by lines.")
 @click.option("-r", "--recursive", is_flag=True, help="Take all trajectories below folders.")
@@ -64,7 +81,9 @@ GAINS = ("auto", "profile", "inertia")
 @o.as_json("Print one JSON object per clip and line on stdout.")
 @o.speech
 @click.pass_obj
-def validate(console: Console, /, inputs: tuple[str, ...], jobs: int, as_json: bool, view: bool, **choices: Any) -> None:
+def validate(
+    console: Console, /, inputs: tuple[str, ...], jobs: int, as_json: bool, view: bool, **choices: Any
+) -> None:
     """Say whether robots can do the trajectories INPUTS: files, folders with -r, or '-' for an MCAP stream on stdin.
 
     \b
@@ -139,13 +158,13 @@ def _plan(
     suffixes = [suffix for format_ in formats.available().values() for suffix in format_.suffixes]
     work = []
     for name in names:
-        values = {"stem": plan.stem(name, suffixes), "robot": Path(settings["robot"] or "").stem or "{robot}"}
-        page = str(Path(report) / f"{values['stem']}_validation.html") if report and not whole else ""
+        stem = plan.stem(name, suffixes)
+        page = str(Path(report) / f"{stem}_validation.html") if report and not whole else ""
         work.append(
             Job(
                 input=name,
-                video=_filled("--video", video, values),
-                log=_filled("--log", log, values),
+                video=(video or "").replace("{stem}", stem),
+                log=(log or "").replace("{stem}", stem),
                 page=page,
                 wants_section=bool(report),
                 overwrite=force,
@@ -157,5 +176,80 @@ def _plan(
     outputs = [path for job in work for path in (job.video, job.log, job.page) if path] + ([whole] if whole else [])
     if report and not whole:
         _make_folder(report)
-    plan.check_single_files(outputs, [*names, *([settings["recording"]] if settings["recording"] else [])], overwrite=force)
+    plan.check_single_files(
+        outputs, [*names, *([settings["recording"]] if settings["recording"] else [])], overwrite=force
+    )
     return work, whole
+
+
+def _outcomes(work: list[Job], jobs: int, console: Console) -> Iterator[Outcome[Done]]:
+    from retarget.cli.validation_clip import validate_clip
+    from retarget.core import batch
+
+    if jobs == 1 or len(work) == 1:
+        yield from batch.run(validate_clip, work)
+    else:
+        with batch.process_pool(min(jobs, len(work))) as pool:
+            yield from batch.run(validate_clip, work, pool)
+
+
+def _tell(job: Job, outcome: Outcome[Done], count: str, as_json: bool, console: Console) -> None:
+    """The clip's JSON or table on stdout; its failure, or what failed in it, on stderr."""
+    from retarget.cli.validation_clip import failed_record
+
+    done = outcome.value
+    if done is None:
+        if console.debug and outcome.traceback:
+            click.echo(outcome.traceback, err=True, nl=False)
+        text = unexpected(outcome.error) if outcome.unexpected else outcome.error
+        console.error(count + (text if job.shown in text else f"{job.shown}: {text}"))
+        record = failed_record(job, outcome.error)
+    else:
+        record = done.record
+    if as_json:
+        click.echo(json.dumps(record, allow_nan=False))
+    elif done is not None:
+        click.echo(_table(job.shown, record))
+    if done is not None:
+        for warning in record["warnings"]:
+            console.warning(warning)
+        for check in record["checks"]:
+            if check["passed"] is False:
+                console.error(f"{count}{job.shown}: {_failure(check)}")
+
+
+def _failure(check: dict[str, Any]) -> str:
+    """One line: which check failed, by how much, where and when."""
+    from retarget.cli.validation_page import number
+
+    limit = "" if check["limit"] is None else f", limit {number(check['limit'])}"
+    return f"{check['name']} is {number(check['value'])}{limit}: {check['note']}".rstrip(": ")
+
+
+def _table(shown: str, record: dict[str, Any]) -> str:
+    """The verdict and every check, in columns."""
+    from retarget.cli.summary import table
+    from retarget.cli.validation_page import number, verdict
+
+    speed = f"{record['real_time_factor']:.0f} × real time"
+    state = "passed" if record["passed"] else "FAILED"
+    head = f"{printable(shown)} on {record['robot']}, {record['mode']}: {state} ({record['duration_s']:.1f} s, {speed})"
+    rows = [["  check", "value", "limit", "", " where"]]
+    for check in record["checks"]:
+        limit = "" if check["limit"] is None else number(check["limit"])
+        value = f"{number(check['value'])} {check['unit']}".rstrip()
+        rows.append([f"  {check['name']}", value, limit, verdict(check), f" {check['note']}"])
+    width = max(len(row[-1]) for row in rows)
+    return head + "\n" + table([[*row[:-1], row[-1].ljust(width)] for row in rows])
+
+
+def _make_folder(folder: str) -> None:
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"--report {folder}: can't be made a folder ({error.strerror})") from None
+
+
+def _check_screen() -> None:
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise UsageError("--view needs a screen (DISPLAY is not set); --video FILE.mp4 films without one")

@@ -17,18 +17,14 @@ from retarget.core.types import Array
 
 CLIP_COLOURS = ("#1f6fb4", "#d9762b", "#3f8f4f", "#7a4fa3", "#a3803a", "#2b8f95")
 KIND_COLOURS = {
-    "position": "#b3261e",
-    "velocity": "#7a4fa3",
-    "acceleration": "#2b5fa8",
-    "jerk": "#3d8f95",
-    "jump": "#1b1e24",
-    "torque": "#c2185b",
-    "tracking": "#6b7a12",
-    "self-collision": "#8d4b1f",
-    "ground": "#37532f",
-    "skate": "#5f6b7a",
+    "motion beyond a limit": "#b3261e",
+    "torque at its limit": "#7a4fa3",
+    "tracking error beyond its limit": "#6b7a12",
+    "links in each other": "#8d4b1f",
+    "base or feet beyond a limit": "#2b5fa8",
+    "frames missing": "#1b1e24",
 }
-"""Kind of problem → the colour of a cell beyond its limit."""
+"""Kind of problem → the colour of a cell that has it."""
 OTHER_KIND = "#444444"
 NEAR_LIMIT = LinearSegmentedColormap.from_list("near", ["#ffffff", "#fdf3dc", "#f6c667"])
 """From far inside a limit to at it; what is beyond takes the colour of its kind instead."""
@@ -40,7 +36,7 @@ STRIP_COLUMNS = 600
 class Curves:
     """What is drawn of one trajectory. K samples, n joints; NaN = unknown there.
 
-    time: (K,) s. wanted: (K, n) rad. actual: (K, n) rad and torque: (K, n) Nm, None without dynamics.
+    time: (K,) s. wanted: (K, n) rad; lower, upper: (n,) rad, the joints' ranges. actual: (K, n) rad and torque: (K, n) Nm, None without dynamics.
     rms_error, peak_error: (n,) rad, over all samples, not only the K that are drawn; None without dynamics. torque_limit: (n,) Nm, inf = none.
     torque_ratio: (n,) greatest |torque| / limit over all samples.
     strip_time: (C + 1,) s, edges of the strip's columns. problems: kind → (C, n) greatest value of each column over its limit;
@@ -50,6 +46,8 @@ class Curves:
     joints: tuple[str, ...]
     time: Array
     wanted: Array
+    lower: Array
+    upper: Array
     strip_time: Array
     actual: Array | None = None
     torque: Array | None = None
@@ -78,7 +76,7 @@ def tracking(curves: Sequence[Curves], labels: Sequence[str]) -> Figure | None:
             above.plot(
                 c.time, np.degrees(c.wanted[:, joint]), color=INK if len(driven) == 1 else colour, linestyle=(0, (3, 2))
             )
-            below.plot(c.time, np.degrees(c.wanted[:, joint] - c.actual[:, joint]), color=colour, linewidth=0.8)
+            below.plot(c.time, np.degrees(c.actual[:, joint] - c.wanted[:, joint]), color=colour, linewidth=0.8)
         first = driven[0][0]
         numbers = f"rms {_degrees(errors[joint])}"
         if len(driven) == 1 and first.peak_error is not None:
@@ -87,13 +85,44 @@ def tracking(curves: Sequence[Curves], labels: Sequence[str]) -> Figure | None:
         below.axhline(0, color=FAINT, linewidth=0.6, zorder=0)
         _finish(above, below, first.time)
     grid[0][0].set_ylabel("angle / °")
-    grid[0][1].set_ylabel("wanted − actual / °")
+    grid[0][1].set_ylabel("actual − wanted / °")
     handles = [Line2D([], [], color=INK, linestyle=(0, (3, 2)), label="wanted")]
     handles += [
         Line2D([], [], color=CLIP_COLOURS[i % len(CLIP_COLOURS)], label=label if len(driven) > 1 else "actual")
         for i, (_, label) in enumerate(driven)
     ]
     _legend(figure, handles)
+    return figure
+
+
+@styled
+def angles(curves: Curves) -> Figure:
+    """Angle of the joints nearest to a problem, worst first, between their limits."""
+    worst_ratio = np.max(
+        [values.max(axis=0) for values in curves.problems.values()] or [np.zeros(len(curves.joints))], axis=0
+    )
+    worst = np.argsort(-worst_ratio, kind="stable")[:SHOWN_JOINTS]
+    columns = min(3, len(worst))
+    figure, axes = _figure(-(-len(worst) // columns), columns, row_in=1.5)
+    for panel, joint in zip(axes, worst, strict=False):
+        low, high = np.degrees(curves.lower[joint]), np.degrees(curves.upper[joint])
+        angle = np.degrees(curves.wanted[:, joint])
+        panel.plot(curves.time, angle, color=INK)
+        for limit in (low, high):
+            panel.axhline(limit, color=LIMIT, linewidth=0.9)
+        reach = max(float(np.ptp(angle)), 5.0)
+        panel.set_ylim(
+            min(angle.min(), max(low, angle.min() - reach)) - 0.06 * reach,
+            max(angle.max(), min(high, angle.max() + reach)) + 0.06 * reach,
+        )
+        panel.set_title(f"{curves.joints[joint]}    {low:.0f}° to {high:.0f}°", pad=3)
+        panel.set_xlim(*_span(curves.time))
+        panel.grid(axis="y", color=FAINT, linewidth=0.5)
+        panel.set_xlabel("time / s")
+    for panel in axes[len(worst) :]:
+        panel.set_visible(False)
+    axes[0].set_ylabel("angle / °")
+    _legend(figure, [Line2D([], [], color=INK, label="wanted"), Line2D([], [], color=LIMIT, label="range")])
     return figure
 
 
@@ -161,7 +190,7 @@ def error_map(curves: Curves) -> Figure | None:
     axes.set_yticks(range(len(curves.joints)), curves.joints, fontsize=6)
     axes.set_xlabel("time / s")
     bar = figure.colorbar(image, ax=axes, pad=0.01, fraction=0.03)
-    bar.set_label("|wanted − actual| / °")
+    bar.set_label("|actual − wanted| / °")
     bar.outline.set_visible(False)
     return figure
 
@@ -191,7 +220,7 @@ def problem_strip(curves: Curves) -> Figure:
             label.set_fontweight("bold")
     axes.set_xlabel("time / s")
     handles: list[Patch | Line2D] = [
-        Patch(facecolor=KIND_COLOURS.get(kind, OTHER_KIND), label=f"{kind} beyond its limit")
+        Patch(facecolor=KIND_COLOURS.get(kind, OTHER_KIND), label=kind)
         for index, kind in enumerate(kinds)
         if (owner[beyond] == index).any()
     ]

@@ -176,7 +176,7 @@ def _section(section: Section) -> str:
     where = "Nothing is beyond its limit."
     if worst is not None:
         row, kind, time_s, ratio = worst
-        where = f"Worst: {row}, {kind} at {time_s:.2f} s, {100 * ratio:,.0f} % of the limit."
+        where = f"Worst: {row} at {time_s:.2f} s ({kind}, {100 * ratio:,.0f} % of it)."
     alone = [replace(section.curves)]
     parts += _figures(
         [
@@ -184,6 +184,11 @@ def _section(section: Section) -> str:
                 "Problems over time",
                 f"Each cell's greatest value against its limit. {where}",
                 plots.problem_strip(section.curves),
+            ),
+            *(
+                [("Angles", "The joints nearest to a problem, the worst first.", plots.angles(section.curves))]
+                if section.curves.actual is None
+                else []
             ),
             ("Tracking", "The joints tracked worst, the worst first.", plots.tracking(alone, [section.title])),
             ("Tracking error", "Every joint; dark where the robot lags most.", plots.error_map(section.curves)),

@@ -13,12 +13,15 @@ from retarget.core.errors import FormatError, InvalidDataError, UsageError
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
 from retarget.formats._describe import motion_facts, trajectory_facts
 from retarget.formats._input import Input, opened
+from retarget.formats._nameless import read_nameless_trajectory
 from retarget.formats._output import write_trajectory, write_trajectory_stream
 from retarget.formats._registry import available, detect, get, names
+from retarget.formats._replay_log import ReplayLog
 from retarget.formats.base import Format, TrackerOptions
 
 __all__ = [
     "Format",
+    "ReplayLog",
     "TrackerOptions",
     "available",
     "describe",
@@ -26,6 +29,7 @@ __all__ = [
     "get",
     "names",
     "read_motion",
+    "read_nameless_trajectory",
     "read_recording",
     "read_trackers",
     "read_trajectory",

@@ -20,7 +20,7 @@ as in BeyondMimic. An archive needs to seek: no pipes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -70,8 +70,10 @@ def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str 
     )
 
 
-def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
+def read_trajectory(stream: BinaryIO, name: str, joint_names: Sequence[str] | None = None) -> JointTrajectory:
     """The trajectory in an NPZ file with these keys. Without `time`, frame k is at k / fps.
+
+    joint_names: of a file that doesn't hold them, in the order of its columns.
 
     Raises `FormatError` for anything that is not such a file, among it arrays of pickled objects.
     """
@@ -79,7 +81,8 @@ def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
     if "schema" in arrays:
         _trajectory.check_schema(name, _text(name, arrays, "schema", ""))
     position = _array(name, arrays, "joint_pos", 2)
-    names = _array(name, arrays, "joint_names", 1, kinds="US")
+    if joint_names is None or "joint_names" in arrays:
+        joint_names = _texts(name, "joint_names", _array(name, arrays, "joint_names", 1, kinds="US"))
     body_position, body_orientation = (_array(name, arrays, key, 3) for key in ("body_pos_w", "body_quat_w"))
     linear, angular = (_array(name, arrays, key, 3) for key in ("body_lin_vel_w", "body_ang_vel_w"))
     if body_orientation.shape[1:] < (1, 4) or body_orientation.shape[2] != 4 or 0 in body_position.shape:
@@ -98,7 +101,7 @@ def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
     return _trajectory.build(
         name,
         time=_time(name, arrays, len(position)),
-        joint_names=_texts(name, "joint_names", names),
+        joint_names=tuple(joint_names),
         position=position,
         velocity=_array(name, arrays, "joint_vel", 2),
         base_position=None if fixed else body_position[:, 0],

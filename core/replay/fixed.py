@@ -78,7 +78,9 @@ def replay(
 class _Checks:
     """The report's checks, each with the joint and the time at fault."""
 
-    def __init__(self, model: ReplayModel, thresholds: Thresholds, measures: FixedMeasures, reference: Reference) -> None:
+    def __init__(
+        self, model: ReplayModel, thresholds: Thresholds, measures: FixedMeasures, reference: Reference
+    ) -> None:
         self.names = model.robot.joint_names
         self.turning = _turning(model)
         self.check, self.measures, self.reference = thresholds.check, measures, reference

@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core.errors import UsageError
+from retarget.core.replay.spec import SEEN_GROUP, SOLID_GROUP
 from retarget.core.stick_figure import Bones
 from retarget.core.types import Array
 
@@ -56,6 +57,9 @@ class Painter:
         self._mj.vis.headlight.ambient[:], self._mj.vis.headlight.diffuse[:] = 0.45, 0.5
         self._mj.vis.headlight.specular[:] = 0.1
         self._data = mujoco.MjData(self._mj)
+        self._option = mujoco.MjvOption()
+        # Where there are shapes that are only to be seen, those; else the ones that collide.
+        self._option.geomgroup[SOLID_GROUP] = not (self._mj.geom_group == SEEN_GROUP).any()
         chosen = np.unique(np.linspace(0, len(postures) - 1, FRAMED_POSTURES).round().astype(int))
         low, high = self._box(postures[chosen])
         self._person_shift, self._bones = np.zeros(3), None
@@ -93,7 +97,7 @@ class Painter:
         mujoco.mj_camlight(self._mj, self._data)
         base = self._base()
         self._camera.lookat[:] = base + _SCREEN.T @ self._centre
-        self._renderer.update_scene(self._data, self._camera)
+        self._renderer.update_scene(self._data, self._camera, self._option)
         self._add_backdrop()
         if person is not None and self._bones is not None:
             self._add_person(self._seen_person(person) @ _SCREEN + base)
