@@ -100,7 +100,7 @@ def validate(
         video.choose_opengl()  # before anything imports mujoco
     jobs_, report = _plan(inputs, view=view, **choices)
     codes, sections = set(), []
-    for job, outcome in zip(jobs_, _outcomes(jobs_, jobs, console), strict=True):
+    for job, outcome in zip(jobs_, _outcomes(jobs_, jobs), strict=True):
         count = f"[{outcome.index + 1}/{len(jobs_)}] " if len(jobs_) > 1 else ""
         _tell(job, outcome, count, as_json, console)
         done = outcome.value
@@ -182,7 +182,7 @@ def _plan(
     return work, whole
 
 
-def _outcomes(work: list[Job], jobs: int, console: Console) -> Iterator[Outcome[Done]]:
+def _outcomes(work: list[Job], jobs: int) -> Iterator[Outcome[Done]]:
     from retarget.cli.validation_clip import validate_clip
     from retarget.core import batch
 
@@ -220,25 +220,22 @@ def _tell(job: Job, outcome: Outcome[Done], count: str, as_json: bool, console: 
 
 def _failure(check: dict[str, Any]) -> str:
     """One line: which check failed, by how much, where and when."""
-    from retarget.cli.validation_page import number
+    from retarget.cli.summary import measured, number, remark
 
-    limit = "" if check["limit"] is None else f", limit {number(check['limit'])}"
-    return f"{check['name']} is {number(check['value'])}{limit}: {check['note']}".rstrip(": ")
+    return f"{check['name']} is {measured(check)}, limit {number(check['limit'])}: {remark(check)}".rstrip(": ")
 
 
 def _table(shown: str, record: dict[str, Any]) -> str:
     """The verdict and every check, in columns."""
-    from retarget.cli.summary import table
-    from retarget.cli.validation_page import number, verdict
+    from retarget.cli.summary import measured, number, remark, table, verdict
 
     speed = f"{record['real_time_factor']:.0f} × real time"
     state = "passed" if record["passed"] else "FAILED"
     head = f"{printable(shown)} on {record['robot']}, {record['mode']}: {state} ({record['duration_s']:.1f} s, {speed})"
-    rows = [["  check", "value", "limit", "", " where"]]
+    rows = [["  check", "value", "limit", "verdict", " where"]]
     for check in record["checks"]:
         limit = "" if check["limit"] is None else number(check["limit"])
-        value = f"{number(check['value'])} {check['unit']}".rstrip()
-        rows.append([f"  {check['name']}", value, limit, verdict(check), f" {check['note']}"])
+        rows.append([f"  {check['name']}", measured(check), limit, verdict(check), f" {remark(check)}"])
     width = max(len(row[-1]) for row in rows)
     return head + "\n" + table([[*row[:-1], row[-1].ljust(width)] for row in rows])
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from retarget.cli.clip import model_for, read_motion, robot_model, without_nan
 from retarget.cli.plan import PIPE
@@ -18,6 +18,7 @@ from retarget.core.errors import InvalidDataError, MotionError, RetargetError, U
 
 if TYPE_CHECKING:
     from retarget.cli.validation_page import Section
+    from retarget.core.replay.kinematic import Touching
     from retarget.core.replay.model import ReplayModel
     from retarget.core.replay.thresholds import Thresholds
     from retarget.core.robot_model import RobotModel
@@ -42,7 +43,7 @@ class Job:
     robot: str | None = None
     thresholds_file: str | None = None
     overrides: tuple[str, ...] = ()
-    gains: str = "auto"
+    gains: Literal["auto", "profile", "inertia"] = "auto"
     feed_forward: bool = False
     self_collision: bool = False
     csv_style: str | None = None
@@ -78,12 +79,12 @@ def thresholds_of(mode: str, path: str | None, overrides: Sequence[str]) -> dict
     made = {}
     for each in modes:
         limits = Thresholds.load(path, each) if path else Thresholds(each)
-        made[each] = limits.overridden(text for text in overrides if each in modes_of(_name(text)))
+        made[each] = limits.overridden(text for text in overrides if each in modes_of(text.partition("=")[0].strip()))
     for text in overrides:
-        of = modes_of(_name(text))
+        of = modes_of(text.partition("=")[0].strip())
         if not of:
             choices = [row.name for each in modes for row in TABLE[each]]
-            raise UnknownNameError("threshold", _name(text), choices, where="--max")
+            raise UnknownNameError("threshold", text.partition("=")[0].strip(), choices, where="--max")
         if not set(of) & set(modes):
             raise UsageError(f"--max {text}: belongs to --mode {' or '.join(of)}, which is not run")
     return made
@@ -138,29 +139,34 @@ def _judge(
     from retarget.core.replay import kinematic, match
 
     trajectory = match.matched(trajectory, model)
-    standing = replay_model(job, model, "standing")
-    held = replay_model(job, model, "held colliding" if job.self_collision else "held") if job.mode == "fixed" else None
+    held = replay_model(job, model, "held")
     begin = time.perf_counter()
-    reports = {"kinematic": kinematic.check(trajectory, model, limits["kinematic"], _collide(standing))}
-    if held is not None:
+    reports = {"kinematic": kinematic.check(trajectory, model, limits["kinematic"], lambda t: _collide(held, t))}
+    if job.mode == "fixed":
         from retarget.core.replay import fixed
 
         options = fixed.FixedOptions(
             gains=job.gains,
             feed_forward=job.feed_forward,
-            self_collision=job.self_collision,  # type: ignore[arg-type]  # click checks it
+            self_collision=job.self_collision,
         )
-        with _log(job, trajectory, model) as log:
+        with _log(job, model) as log:
             reports["fixed"] = fixed.replay(trajectory, held, options, limits["fixed"], log)
     return trajectory, reports, time.perf_counter() - begin
 
 
-def _collide(standing: ReplayModel) -> Any:
-    return None
+def _collide(held: ReplayModel, trajectory: JointTrajectory) -> Touching:
+    """How deep the robot's links are in each other, frame by frame."""
+    from retarget.core.replay.collisions import self_collisions
+    from retarget.core.replay.kinematic import Touching
+
+    found = self_collisions(held, trajectory.position)
+    names = [" and ".join(found.links[i] for i in pair) if pair[0] >= 0 else "" for pair in found.pair]
+    return Touching(found.depth_m, tuple(names))
 
 
 @contextlib.contextmanager
-def _log(job: Job, trajectory: JointTrajectory, model: RobotModel) -> Iterator[Any]:
+def _log(job: Job, model: RobotModel) -> Iterator[Any]:
     """What takes the signals of every step: a file that appears whole or not at all; None where none is wanted."""
     if not job.log:
         yield None
@@ -169,7 +175,7 @@ def _log(job: Job, trajectory: JointTrajectory, model: RobotModel) -> Iterator[A
 
     units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s", "position": "rad", "velocity": "rad/s"}
     units |= {"torque": "Nm", "constraint_torque": "Nm"}
-    facts = {"joint_names": list(model.joint_names), "robot": model.profile.name, "mode": job.mode}
+    facts: dict[str, Any] = {"joint_names": list(model.joint_names), "robot": model.profile.name, "mode": job.mode}
     facts |= {"gains": job.gains, "feed_forward": job.feed_forward, "self_collision": job.self_collision}
     target = Path(job.log)
     part = target.with_name(f".retarget-{secrets.token_hex(6)}.part")
@@ -196,7 +202,7 @@ def _read(job: Job, motion: HumanMotion | None) -> tuple[JointTrajectory, RobotM
         if job.robot is None:
             raise UsageError(f"{job.shown}: a file that names no joints names no robot; give --robot NAME|FILE.toml")
         model = _robot(job.robot, motion, job)
-        kind = "npz" if suffix == ".npz" else "csv"
+        kind: Literal["csv", "npz"] = "npz" if suffix == ".npz" else "csv"
         names = _joint_order(job.joint_order or "urdf", model)
         trajectory = formats.read_nameless_trajectory(source, kind, names, rate_hz=job.rate_hz, name=job.shown)
         return trajectory, model, list(trajectory.provenance.get("warnings", ()))
@@ -255,19 +261,17 @@ def _cached_model(robot: str, kind: str) -> ReplayModel:
 def _built(model: RobotModel, kind: str) -> ReplayModel:
     from retarget.core.replay.model import build
 
-    if kind == "standing" and model.base_is_floating:
-        return build(model, base="floating", floor=True, self_collision=True)
+    if kind == "held":
+        return build(model, base="fixed", self_collision=True)
     if kind == "seen standing" and model.base_is_floating:
         return build(model, base="floating", floor=True, visuals=True)
-    if kind.startswith("seen"):
-        return build(model, base="fixed", visuals=True)
-    return build(model, base="fixed", self_collision=kind != "held")
+    return build(model, base="fixed", visuals=True)
 
 
 def replay_model(job: Job, model: RobotModel, kind: str) -> ReplayModel:
     """In MuJoCo, built once per process where the robot needs no recording.
 
-    kind: "standing" on a floor where the robot can, its links colliding; "held" by its base; "held colliding"; "seen standing", "seen held".
+    kind: "held" by its base, for computing; for pictures with all that is to be seen "seen held", and "seen standing" on a floor where it can.
     """
     if model.profile.model.kind == "human":
         return _built(model, kind)

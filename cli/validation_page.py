@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from retarget.cli import figures
 from retarget.cli import validation_figures as plots
 from retarget.cli.plan import write_whole
 from retarget.cli.report_page import CSS
+from retarget.cli.summary import measured, number, remark
 from retarget.cli.validation_figures import Curves
 from retarget.core.errors import UsageError
 
@@ -77,20 +77,6 @@ def page(sections: Sequence[Section]) -> str:
     )
 
 
-def number(value: float | None) -> str:
-    """A check's value as text: three significant digits, "–" for none."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
-
-
-def verdict(check: Mapping[str, Any]) -> str:
-    """ "ok", "FAILED", "not made", or "" for a number without a limit."""
-    if check["passed"] is None:
-        return "not made" if check["value"] is None else ""
-    return "ok" if check["passed"] else "FAILED"
-
-
 def _overview(sections: Sequence[Section]) -> str:
     """Checks down, trajectories across."""
     names = list(dict.fromkeys(check["name"] for section in sections for check in section.record["checks"]))
@@ -108,9 +94,9 @@ def _overview(sections: Sequence[Section]) -> str:
             if check is None:
                 cells += "<td>–</td>"
                 continue
-            limit, unit, note = check["limit"], check["unit"], check["note"]
+            limit, unit, note = check["limit"], check["unit"], remark(check)
             mark = ' class="bad"' if check["passed"] is False else ""
-            text = f"{number(check['value'])} {unit}".strip()
+            text = measured(check)
             if len(sections) > 1 and note:
                 cells += f'<td{mark} title="{html.escape(note)}">{html.escape(text)}</td>'
             else:
@@ -164,7 +150,7 @@ def _section(section: Section) -> str:
     for check in record["checks"]:
         if check["passed"] is False:
             limit = f" (limit {number(check['limit'])})" if check["limit"] is not None else ""
-            text = f"{check['name']}: {number(check['value'])} {check['unit']}{limit} {check['note']}"
+            text = f"{check['name']}: {measured(check)}{limit} {remark(check)}"
             parts.append(f'<p class="bad">{html.escape(text)}</p>')
     if section.shots:
         parts.append("<h3>Snapshots</h3>")

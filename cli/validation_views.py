@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from retarget.core.robot_model import RobotModel
 
 SHOTS, SHOT_SIZE = 6, (384, 480)
-FILM_SIZE, FILM_RATE_HZ, VIEW_RATE_HZ = (960, 720), 30, 120
+FILM_SIZE, FILM_RATE_HZ, VIEW_RATE_HZ = (800, 600), 30, 120
 """Width and height in pixels."""
 PLACES = {"self-collision": "links in each other", "timing": "frames missing"}
 MOTION, FEET = "motion beyond a limit", "base or feet beyond a limit"
@@ -138,7 +138,7 @@ def _pooled(values: Array, time: Array, edges: Array) -> Array:
     pooled = np.full((len(edges) - 1, values.shape[1]), -1.0)
     np.maximum.at(pooled, column, values)
     known = np.maximum.accumulate(np.where(pooled[:, 0] >= 0, np.arange(len(pooled)), 0))
-    return np.maximum(pooled[known], 0.0)
+    return np.asarray(np.maximum(pooled[known], 0.0))
 
 
 class _Postures:

@@ -54,7 +54,7 @@ class Painter:
         self._mj = copy.copy(mj)
         self._mj.vis.global_.offwidth, self._mj.vis.global_.offheight = width, height
         self._mj.vis.quality.offsamples, self._mj.vis.quality.shadowsize = samples, 0
-        self._mj.vis.headlight.ambient[:], self._mj.vis.headlight.diffuse[:] = 0.45, 0.5
+        self._mj.vis.headlight.ambient[:], self._mj.vis.headlight.diffuse[:] = 0.4, 0.4
         self._mj.vis.headlight.specular[:] = 0.1
         self._data = mujoco.MjData(self._mj)
         self._option = mujoco.MjvOption()
