@@ -7,18 +7,19 @@ inertia, friction and torque limits, not balance. The robot starts in the first 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from retarget.core.errors import UsageError
 from retarget.core.replay.fixed_measures import FixedMeasures
-from retarget.core.replay.gains import NATURAL_FREQUENCY_RAD_S, GainSource, gains
+from retarget.core.replay.gains import NATURAL_FREQUENCY_RAD_S, Gains, GainSource, gains
 from retarget.core.replay.model import ReplayModel
 from retarget.core.replay.reference import Reference
 from retarget.core.replay.thresholds import Thresholds
 from retarget.core.replay.torque_law import CONTROL_RATE_HZ, controlled_model
 from retarget.core.replay.torque_loop import Signals, run
-from retarget.core.types import Array, Check, JointTrajectory, ValidationReport
+from retarget.core.types import Array, BoolArray, Check, JointTrajectory, ValidationReport
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ def replay(
 
     log: gets every control step's signals, some thousand at a time, in order; `Signals.joined` makes one of them.
     series: "time" (B,) s, "power_w" (B,), and per joint "joint_error_deg/<joint>" (B,), "torque_nm/<joint>" (B,), of each run of steps the value of
-    the largest size; "torque_limit_nm" (n,), inf where unknown. Sliding joints: "joint_error_mm/<joint>", and N for Nm.
+    the largest size. Sliding joints: "joint_error_mm/<joint>", and N for Nm.
+    facts: "options", "control_rate_hz", "duration_s", "base", and "joints": joint → its errors, torques, limit (None where unknown) and gains.
     Raises `InvalidDataError` and `UnknownNameError` for joints that don't fit the robot, `MotionError` for less than one control step, `UsageError`
     for options that contradict the model.
     """
@@ -72,7 +74,13 @@ def replay(
         if log is not None:
             log(signals)
     checks = _Checks(model, thresholds, measures, reference)
-    return ValidationReport(trajectory.robot or model.robot.profile.name, tuple(checks.all()), _series(model, measures))
+    return ValidationReport(
+        trajectory.robot or model.robot.profile.name,
+        tuple(checks.all()),
+        _series(model, measures),
+        mode="fixed",
+        facts=_facts(trajectory, model, options, chosen, measures),
+    )
 
 
 class _Checks:
@@ -103,7 +111,7 @@ class _Checks:
         note = "the simulation blew up: gains too high for these inertias at 2000 Hz, or links pressed into each other"
         return self.check("simulation_lost_s", lost * self.reference.step_s, note, where=worst, time_s=float(at))
 
-    def tracking(self, unit: str, joints: Array, scale: float) -> Iterator[Check]:
+    def tracking(self, unit: str, joints: BoolArray, scale: float) -> Iterator[Check]:
         """Errors of `joints` (n,) bool, in `unit`, `scale` of them a rad or m."""
         measures, chosen = self.measures, np.flatnonzero(joints)
         if not len(chosen):
@@ -160,7 +168,7 @@ class _Checks:
         yield self.check("energy_balance_error_j", abs(missing), f"of {gross:.4g} J that the motors gave or took")
 
 
-def _turning(model: ReplayModel) -> Array:
+def _turning(model: ReplayModel) -> BoolArray:
     """(n,) bool: which joints turn; the others slide."""
     import mujoco
 
@@ -170,9 +178,42 @@ def _turning(model: ReplayModel) -> Array:
 
 def _series(model: ReplayModel, measures: FixedMeasures) -> dict[str, Array]:
     time, error, torque, power = measures.points()
-    series = {"time": time, "power_w": power, "torque_limit_nm": measures.limit}
+    series = {"time": time, "power_w": power}
     for i, (name, turns) in enumerate(zip(model.robot.joint_names, _turning(model), strict=True)):
         unit, scale = ("deg", np.degrees(1.0)) if turns else ("mm", 1e3)
         series[f"joint_error_{unit}/{name}"] = error[:, i] * scale
         series[f"torque_nm/{name}"] = torque[:, i]
     return series
+
+
+def _facts(
+    trajectory: JointTrajectory, model: ReplayModel, options: FixedOptions, chosen: Gains, measures: FixedMeasures
+) -> dict[str, Any]:
+    turning, rms_error, rms_torque = _turning(model), measures.rms_error, measures.rms_torque
+    joints = {}
+    for i, name in enumerate(model.robot.joint_names):
+        unit, scale = ("deg", float(np.degrees(1.0))) if turning[i] else ("mm", 1e3)
+        limit = float(measures.limit[i])
+        joints[name] = {
+            f"tracking_rmse_{unit}": float(rms_error[i]) * scale,
+            f"tracking_peak_{unit}": float(measures.peak_error[i]) * scale,
+            "tracking_peak_s": float(measures.peak_error_s[i]),
+            "torque_rms_nm": float(rms_torque[i]),
+            "torque_peak_nm": float(measures.peak_torque[i]),
+            "torque_peak_s": float(measures.peak_torque_s[i]),
+            "torque_limit_nm": limit if np.isfinite(limit) else None,
+            "saturated_percent": 100.0 * float(measures.joint_saturated_steps[i]) / max(measures.steps, 1),
+            "stiffness_nm_rad": float(chosen.stiffness[i]),
+            "damping_nms_rad": float(chosen.damping[i]),
+            "gains_from": "profile" if name in chosen.from_profile else "inertia",
+        }
+    base = "held upright"
+    if trajectory.base_position is not None:
+        base += "; the trajectory's base motion is not replayed"
+    return {
+        "options": asdict(options),
+        "control_rate_hz": CONTROL_RATE_HZ,
+        "duration_s": float(trajectory.time[-1] - trajectory.time[0]),
+        "base": base,
+        "joints": joints,
+    }

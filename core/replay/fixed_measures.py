@@ -39,7 +39,7 @@ class FixedMeasures:
         self._squared_error, self._squared_torque, self._power = np.zeros(n), np.zeros(n), 0.0
         self._step_s = step_s
         self._bin = next((size for size in BIN_STEPS if steps_in_all <= size * MOST_POINTS), BIN_STEPS[-1])
-        self._points: list[tuple[Array, Array, Array, Array]] = []
+        self._points: list[tuple[Array, ...]] = []
         self._balance = EnergyBalance(replay, step_s)
 
     def add(self, signals: Signals) -> None:
@@ -62,9 +62,8 @@ class FixedMeasures:
         strongest = int(power.argmax())
         if power[strongest] > self.peak_power_w:
             self.peak_power_w, self.peak_power_s = float(power[strongest]), float(t[strongest])
-        self._points.append(
-            (t[:: self._bin], *(_largest(values, self._bin) for values in (error, torque, power[:, None])))
-        )
+        largest = [_largest(values, self._bin) for values in (error, torque, power[:, None])]
+        self._points.append((t[:: self._bin], *largest))
         self._balance.add(signals)
 
     @property

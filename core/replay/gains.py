@@ -13,8 +13,8 @@ from retarget.core.types import Array
 
 GainSource = Literal["auto", "profile", "inertia"]
 GAIN_SOURCES: tuple[GainSource, ...] = ("auto", "profile", "inertia")
-NATURAL_FREQUENCY_RAD_S = 30.0
-"""Of a joint by itself, critically damped: a fifth of a degree behind on a walk, and soft enough for the lightest wrist at 2 kHz."""
+NATURAL_FREQUENCY_RAD_S = 60.0
+"""Of a joint by itself, critically damped: a quarter of a degree behind on a walk, and damping well within what 2 kHz can hold stable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ def gains(replay: ReplayModel, source: GainSource = "auto", frequency: float = N
     """Gains of `replay`'s joints.
 
     source "profile": what the profile's [torque] states; raises `UsageError` when a joint lacks there. "inertia": I ω² and 2 I ω, ω = `frequency`
-    rad/s, where I is what the joint's motor feels in the reference posture, all others locked: M(q)'s diagonal, armature included.
+    rad/s, where I is `joint_inertia`.
     "auto": the profile's where it states both of a joint's gains, else from inertia.
     """
     if source not in GAIN_SOURCES:
@@ -56,11 +56,18 @@ def gains(replay: ReplayModel, source: GainSource = "auto", frequency: float = N
 
 
 def joint_inertia(replay: ReplayModel) -> Array:
-    """Inertia (n,) kg m² about each joint (kg along sliding ones) in the reference posture, all other joints locked; armature included."""
-    model = replay.mj
+    """Inertia (n,) kg m² about each joint (kg along sliding ones), all other joints locked, armature included.
+
+    The larger of that with all joints at zero (clipped into their limits) and that in the reference posture: with the arms out to the
+    side a shoulder's pitch axis runs along the arm, hanging it carries the arm's whole length.
+    """
+    robot, model = replay.robot, replay.mj
     data = mujoco.MjData(model)
-    data.qpos[replay.qpos] = replay.robot.reference_posture
-    mujoco.mj_forward(model, data)
+    largest = np.zeros(len(replay.qvel))
     mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
-    return np.diag(mass)[replay.qvel].copy()
+    for posture in (np.clip(0.0, robot.lower, robot.upper), robot.reference_posture):
+        data.qpos[replay.qpos] = posture
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        largest = np.maximum(largest, np.diag(mass)[replay.qvel])
+    return largest

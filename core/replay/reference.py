@@ -44,11 +44,14 @@ class Reference:
 
     def time(self, first: int, stop: int) -> Array:
         """Times (stop − first,) s of control steps `first` to `stop` − 1, on the trajectory's own clock."""
-        return self.start_s + self.step_s * np.arange(first, stop)
+        return self.start_s + self._elapsed(first, stop)
 
     def positions(self, first: int, stop: int) -> Array:
         """Positions (stop − first, n) at these control steps; before the first and after the last they are extrapolated."""
-        return self.spline(self.step_s * np.arange(first, stop))
+        return self.spline(self._elapsed(first, stop))
+
+    def _elapsed(self, first: int, stop: int) -> Array:
+        return np.asarray(self.step_s * np.arange(first, stop), np.float64)
 
 
 def positions_in_order(trajectory: JointTrajectory, robot: RobotModel) -> Array:
