@@ -39,7 +39,7 @@ class ReplayModel:
     base's 7 and 6 (position and quaternion wxyz; linear velocity in the world, angular in the body), None where it stands still.
     torque_limit_nm: (n,), inf where unknown. armature: (n,) kg m², part of MuJoCo's own mass
     matrix. friction_nm, damping_nms_rad: (n,), the URDF's.
-    excluded: pairs of bodies whose shapes are not judged against each other. body_of_link: link → id of the body that carries it.
+    self_collision: whether the robot's shapes meet each other. excluded: pairs of bodies whose shapes are not judged against each other. body_of_link: link → id of the body that carries it.
     repaired: links whose inertia no rigid body can have. warnings: what had to be left out, for the user.
     """
 
@@ -54,6 +54,7 @@ class ReplayModel:
     armature: Array
     friction_nm: Array
     damping_nms_rad: Array
+    self_collision: bool
     excluded: tuple[tuple[str, str], ...]
     body_of_link: Mapping[str, int]
     repaired: tuple[str, ...]
@@ -218,6 +219,7 @@ def _checked(
         armature=np.array(mj.dof_armature[qvel]),
         friction_nm=np.array(mj.dof_frictionloss[qvel]),
         damping_nms_rad=np.array(mj.dof_damping[qvel]),
+        self_collision=any(mj.geom_contype[i] and mj.geom_bodyid[i] for i in range(mj.ngeom)),
         excluded=tuple((mj.body(a).name, mj.body(b).name) for a, b in pairs),
         body_of_link=body_of_link,
         repaired=repaired,

@@ -1,0 +1,121 @@
+"""Self-collision and ground penetration of a whole trajectory, without dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from retarget.core.errors import UsageError
+from retarget.core.kinematics import link_poses
+from retarget.core.replay.model import ReplayModel
+from retarget.core.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class SelfCollisions:
+    """Overlaps of the robot with itself. T frames, C overlapping pairs of shapes in all of them, in order of time.
+
+    depth_m: (T,), of the deepest overlap in each frame, 0 where there is none. links: names that `pair` indexes. pair: (T, 2), the links that
+    overlap deepest, -1 where none do. overlap_frame: (C,), overlap_pair: (C, 2), lower first, overlap_depth_m: (C,).
+    """
+
+    depth_m: Array
+    pair: NDArray[np.int64]
+    links: tuple[str, ...]
+    overlap_frame: NDArray[np.int64]
+    overlap_pair: NDArray[np.int64]
+    overlap_depth_m: Array
+
+    def by_pair(self) -> dict[tuple[str, str], tuple[float, int, int]]:
+        """Two links → (deepest overlap m, its frame, number of frames in which they overlap), deepest first."""
+        found = {}
+        for a, b in np.unique(self.overlap_pair, axis=0):
+            rows = np.flatnonzero((self.overlap_pair == (a, b)).all(axis=1))
+            worst = rows[np.argmax(self.overlap_depth_m[rows])]
+            frames = len(np.unique(self.overlap_frame[rows]))
+            found[self.links[a], self.links[b]] = (
+                float(self.overlap_depth_m[worst]), int(self.overlap_frame[worst]), frames,
+            )  # fmt: skip
+        return dict(sorted(found.items(), key=lambda item: -item[1][0]))
+
+
+def self_collisions(
+    replay: ReplayModel, joints: Array, base_orientation: Array | None = None, base_position: Array | None = None
+) -> SelfCollisions:
+    """Where the robot's solid shapes overlap at joints (T, n); base pose as wxyz (T, 4) and m (T, 3), which only matters to the floor.
+
+    Meshes count as their convex hulls; `replay.excluded` pairs of bodies and shapes of one body are not judged. Raises `UsageError` for a model built without
+    `self_collision`, which could see nothing.
+    """
+    mj = replay.mj
+    solid = [i for i in range(mj.ngeom) if mj.geom_bodyid[i] != 0]
+    if not replay.self_collision and any(mj.geom_conaffinity[solid]):
+        raise UsageError("the replay model was built without self_collision: it can't tell where the robot meets itself")
+    links = tuple(dict.fromkeys(mj.geom(i).name.rpartition("/")[0] for i in solid))
+    link_of_geom = np.full(mj.ngeom, -1)
+    link_of_geom[solid] = [links.index(mj.geom(i).name.rpartition("/")[0]) for i in solid]
+    frames, pairs, depths = [], [], []
+    for t, data in _postures(replay, joints, base_orientation, base_position):
+        if not data.ncon:
+            continue
+        pair = link_of_geom[data.contact.geom]
+        depth = -data.contact.dist
+        robot = (pair >= 0).all(axis=1) & (depth > 0)
+        frames.append(np.full(int(robot.sum()), t))
+        pairs.append(np.sort(pair[robot], axis=1))
+        depths.append(depth[robot])
+    return _collected(len(joints), links, frames, pairs, depths)
+
+
+def _postures(
+    replay: ReplayModel, joints: Array, orientation: Array | None, position: Array | None
+) -> Iterator[tuple[int, mujoco.MjData]]:
+    """(frame, data with its contacts)."""
+    mj, data = replay.mj, mujoco.MjData(replay.mj)
+    qpos = np.tile(mj.qpos0, (len(joints), 1))
+    qpos[:, replay.qpos] = joints
+    if replay.base_qpos is not None:
+        if position is not None:
+            qpos[:, replay.base_qpos : replay.base_qpos + 3] = position
+        if orientation is not None:
+            qpos[:, replay.base_qpos + 3 : replay.base_qpos + 7] = orientation
+    now = data.qpos
+    for t in range(len(joints)):
+        now[:] = qpos[t]
+        mujoco.mj_kinematics(mj, data)
+        mujoco.mj_collision(mj, data)
+        yield t, data
+
+
+def _collected(
+    frames: int, links: tuple[str, ...], when: list[Array], pairs: list[Array], depths: list[Array]
+) -> SelfCollisions:
+    frame = np.concatenate([np.empty(0, int), *when]).astype(int)
+    pair = np.concatenate([np.empty((0, 2), int), *pairs]).astype(int)
+    depth = np.concatenate([np.empty(0), *depths])
+    deepest, who = np.zeros(frames), np.full((frames, 2), -1)
+    order = np.argsort(depth, kind="stable")  # the deepest is written last
+    deepest[frame[order]] = depth[order]
+    who[frame[order]] = pair[order]
+    return SelfCollisions(deepest, who, links, frame, pair, depth)
+
+
+def sole_heights(
+    replay: ReplayModel, joints: Array, base_orientation: Array | None = None, base_position: Array | None = None
+) -> dict[str, Array]:
+    """Side → height (T, K) m of its sole's corners over the floor; negative is under it. Empty for robots without feet.
+
+    joints (T, n); base pose as wxyz (T, 4) and m (T, 3), upright at the origin when None.
+    """
+    feet = replay.robot.profile.feet
+    if not feet:
+        return {}
+    rotation, origin = link_poses(
+        replay.robot, [foot.link for foot in feet.values()], joints, base_orientation, base_position
+    )
+    return {
+        side: rotation[:, i, 2] @ foot.sole.T + origin[:, i, 2:] for i, (side, foot) in enumerate(feet.items())
+    }
