@@ -96,7 +96,7 @@ def validate(
 
     if view:
         _check_screen()
-    else:
+    elif choices["report"] or choices["video"]:
         video.choose_opengl()  # before anything imports mujoco
     jobs_, report = _plan(inputs, view=view, **choices)
     codes, sections = set(), []

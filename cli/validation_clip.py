@@ -18,7 +18,6 @@ from retarget.core.errors import InvalidDataError, MotionError, RetargetError, U
 
 if TYPE_CHECKING:
     from retarget.cli.validation_page import Section
-    from retarget.core.replay.kinematic import Touching
     from retarget.core.replay.model import ReplayModel
     from retarget.core.replay.thresholds import Thresholds
     from retarget.core.robot_model import RobotModel
@@ -114,6 +113,7 @@ def validate_clip(job: Job) -> Done:
         "rate_hz": trajectory.rate_hz,
         "duration_s": duration_s,
         "warnings": warnings,
+        "facts": {mode: dict(report.facts) for mode, report in reports.items()},
     }
     section = None
     if job.wants_section or job.video or job.view:
@@ -128,7 +128,7 @@ def validate_clip(job: Job) -> Done:
 def failed_record(job: Job, error: str) -> Record:
     """The record of a clip that could not be judged: the same keys, without values."""
     head: Record = {"input": job.input, "robot": job.robot, "mode": job.mode, "status": "failed", "error": error}
-    keys = ("frames", "rate_hz", "duration_s", "warnings", "real_time_factor", "wall_s")
+    keys = ("frames", "rate_hz", "duration_s", "warnings", "facts", "real_time_factor", "wall_s")
     return {**head, "passed": False, "checks": [], **dict.fromkeys(keys)}
 
 
@@ -141,7 +141,7 @@ def _judge(
     trajectory = match.matched(trajectory, model)
     held = replay_model(job, model, "held")
     begin = time.perf_counter()
-    reports = {"kinematic": kinematic.check(trajectory, model, limits["kinematic"], lambda t: _collide(held, t))}
+    reports = {"kinematic": kinematic.check(trajectory, held, limits["kinematic"])}
     if job.mode == "fixed":
         from retarget.core.replay import fixed
 
@@ -153,16 +153,6 @@ def _judge(
         with _log(job, model) as log:
             reports["fixed"] = fixed.replay(trajectory, held, options, limits["fixed"], log)
     return trajectory, reports, time.perf_counter() - begin
-
-
-def _collide(held: ReplayModel, trajectory: JointTrajectory) -> Touching:
-    """How deep the robot's links are in each other, frame by frame."""
-    from retarget.core.replay.collisions import self_collisions
-    from retarget.core.replay.kinematic import Touching
-
-    found = self_collisions(held, trajectory.position)
-    names = [" and ".join(found.links[i] for i in pair) if pair[0] >= 0 else "" for pair in found.pair]
-    return Touching(found.depth_m, tuple(names))
 
 
 @contextlib.contextmanager

@@ -213,7 +213,7 @@ def problem_strip(curves: Curves) -> Figure:
     axes.hlines(np.arange(len(names) - 1) + 0.5, low, high, color=FAINT, linewidth=0.3)
     if curves.whole_body:
         axes.axhline(len(curves.joints) - 0.5, color=INK, linewidth=0.6)
-    bad_rows = beyond.any(axis=1).tolist()
+    bad_rows = np.atleast_1d(beyond.any(axis=1))
     for label, bad in zip(axes.get_yticklabels(), bad_rows, strict=True):
         if bad:
             label.set_color(LIMIT)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,17 +91,19 @@ def curves_of(
         return Curves(
             time=trajectory.time[keep], wanted=trajectory.position[keep], problems=own, whole_body=places, **common
         )
-    series = reports["fixed"].series
+    series, facts = reports["fixed"].series, reports["fixed"].facts["joints"]
     time = series["time"]
     error = _errors(series, joints)
+    units = [_unit(series, joint) for joint in joints]
     torque = np.stack([series[f"torque_nm/{joint}"] for joint in joints], axis=1)
-    limit = series["torque_limit_nm"]
+    limit = _column(facts, joints, ["torque_limit_nm"] * len(joints), np.inf)
     ratio = np.where(np.isfinite(limit), np.abs(torque) / limit, 0.0)
     # Saturation is a problem at the limit already, not only beyond it, where it never gets.
     own[TORQUE] = _pooled(np.where(ratio >= SATURATED, 1.001, np.minimum(ratio, 1.0)), time, edges)
-    most = [limits["fixed"].limits[f"joint_tracking_peak_{_unit(series, joint)}"] for joint in joints]
-    scale = [SCALE[_unit(series, joint)] / limit if limit else 0.0 for joint, limit in zip(joints, most, strict=True)]
-    own[TRACKING] = _pooled(np.abs(error) * scale, time, edges)
+    most = [limits["fixed"].limits[f"joint_tracking_peak_{unit}"] for unit in units]
+    per_limit = [SCALE[unit] / peak if peak else 0.0 for unit, peak in zip(units, most, strict=True)]
+    own[TRACKING] = _pooled(np.abs(error) * per_limit, time, edges)
+    scale = np.array([SCALE[unit] for unit in units])
     keep = thinned(len(time))
     wanted = _interpolated(time[keep], trajectory.time, trajectory.position)
     return Curves(
@@ -109,8 +111,8 @@ def curves_of(
         wanted=wanted,
         actual=wanted + error[keep],
         torque=torque[keep],
-        rms_error=np.sqrt(np.mean(error**2, axis=0)),
-        peak_error=np.abs(error).max(axis=0),
+        rms_error=_column(facts, joints, [f"tracking_rmse_{unit}" for unit in units]) / scale,
+        peak_error=_column(facts, joints, [f"tracking_peak_{unit}" for unit in units]) / scale,
         torque_limit=limit,
         torque_ratio=ratio.max(axis=0),
         problems=own,
@@ -126,6 +128,12 @@ def _errors(series: Mapping[str, Array], joints: tuple[str, ...]) -> Array:
         unit = _unit(series, joint)
         columns.append(series[f"joint_error_{unit}/{joint}"] / SCALE[unit])
     return np.stack(columns, axis=1)
+
+
+def _column(facts: Mapping[str, Any], joints: tuple[str, ...], keys: Sequence[str], unknown: float = np.nan) -> Array:
+    """(n,) figure `keys[i]` of each joint."""
+    values = [facts[joint][key] for joint, key in zip(joints, keys, strict=True)]
+    return np.array([unknown if value is None else value for value in values], float)
 
 
 def _unit(series: Mapping[str, Array], joint: str) -> str:

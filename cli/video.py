@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import ctypes.util
 import io
 import os
@@ -23,10 +25,13 @@ def choose_opengl() -> None:
     """Set MUJOCO_GL, unless it is set, to what draws without a screen. Must come before mujoco is imported."""
     if "MUJOCO_GL" in os.environ or not sys.platform.startswith("linux"):
         return
-    for library, choice in (("EGL", "egl"), ("OSMesa", "osmesa")):
-        if ctypes.util.find_library(library):
-            os.environ["MUJOCO_GL"] = choice
-            return
+    # Whether a library is there is seen by loading it: importing mujoco fails when MUJOCO_GL names one that is not.
+    for library, function, choice in (("EGL", "eglGetDisplay", "egl"), ("OSMesa", "OSMesaCreateContextExt", "osmesa")):
+        path = ctypes.util.find_library(library)
+        with contextlib.suppress(OSError):
+            if path and hasattr(ctypes.CDLL(path), function):
+                os.environ["MUJOCO_GL"] = choice
+                return
 
 
 def check_installed() -> None:
