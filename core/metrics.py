@@ -88,20 +88,28 @@ def orientation_errors(
     return {t.segment or t.frame: np.degrees(rotations.angle(achieved[:, i], t.value)) for i, t in enumerate(tasks)}
 
 
-def limit_figures(trajectory: JointTrajectory, model: RobotModel) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Counts of joint values outside their limits, and how much of the motion is spent at limits."""
+def limit_figures(
+    trajectory: JointTrajectory, model: RobotModel, rounding: float = ROUNDING
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Counts of joint values outside their limits, and how much of the motion is spent at limits.
+
+    rounding: rad, what counts as the same position; more than the default for values kept in single precision, whose speeds are then
+    known no better than two such roundings a step.
+    """
     q = trajectory.position
-    outside = (q < model.lower - ROUNDING) | (q > model.upper + ROUNDING)
+    outside = (q < model.lower - rounding) | (q > model.upper + rounding)
     at_position = (q <= model.lower + 1e-6) | (q >= model.upper - 1e-6)
     if trajectory.frames > 1:
         speed = np.abs(np.diff(q, axis=0)) / np.diff(trajectory.time)[:, None]
         ratio = speed / model.velocity_limit
+        coarse = 2 * rounding / np.diff(trajectory.time)[:, None] / model.velocity_limit
+        slack = np.where(rounding > ROUNDING, coarse, ROUNDING)
     else:
-        speed = ratio = np.zeros((1, q.shape[1]))
+        speed = ratio = slack = np.zeros((1, q.shape[1]))
     at_velocity = ratio >= 1.0 - 1e-4
     figures = {
         "position_limit_violations": int(outside.sum()),
-        "velocity_limit_violations": int((ratio > 1.0 + ROUNDING).sum()),
+        "velocity_limit_violations": int((ratio > 1.0 + slack).sum()),
         "max_velocity_ratio": float(ratio.max(initial=0.0)),
         "limit_active_fraction": float(at_position.any(axis=1).mean()),
         "velocity_limit_active_fraction": {

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from retarget.core import rotations
+from retarget.core.errors import ProfileError
 from retarget.core.kinematics import link_poses
 from retarget.core.profile import TposeException
 from retarget.core.robot_model import RobotModel
@@ -45,6 +46,7 @@ def check(model: RobotModel) -> ValidationReport:
     checks += _symmetry_checks(model, joints, base)
     checks += _hand_checks(model)
     checks += _arm_checks(model)
+    checks += _replay_checks(model)
     return ValidationReport(model.profile.name, tuple(checks), {"tpose_rad": joints})
 
 
@@ -284,6 +286,31 @@ def _arm_checks(model: RobotModel) -> list[Check]:
         gaps = 1000 * np.linalg.norm(points["Left"] - points["Right"] * [1.0, -1.0, 1.0], axis=1)
         for name, gap in zip(("shoulder", "hand point"), gaps, strict=True):
             checks.append(_below(f"{name} left against right", float(gap), "mm", ARM_MIRROR_LIMIT_MM))
+    return checks
+
+
+def _replay_checks(model: RobotModel) -> list[Check]:
+    """Whether the robot can be simulated, and as what."""
+    from retarget.core.replay.model import build
+
+    try:
+        replay = build(model, base=model.profile.base, self_collision=True)
+    except ProfileError as error:
+        return [Check("simulation model", None, "", None, False, str(error))]
+    mj, floating = replay.mj, 6 * model.base_is_floating
+    degrees = len(model.joint_names) + floating
+    touching = "; ".join(f"{a} and {b}" for a, b in replay.touching)
+    repaired = ", ".join(replay.repaired)
+    checks = [
+        _below(
+            "simulated mass off", abs(float(mj.body_mass.sum()) - model.mass_kg), "kg", 1e-6 * max(1.0, model.mass_kg)
+        ),
+        _below("simulated degrees of freedom off", float(abs(mj.nv - degrees)), "", 0.0),
+        _below("pairs of links touching in the reference posture", float(len(replay.touching)), "", 0.0, touching),
+        Check("links with an inertia that no body can have", float(len(replay.repaired)), "", None, True, repaired),
+    ]
+    if replay.warnings:
+        checks.append(Check("shapes left out", float(len(replay.warnings)), "", None, None, "; ".join(replay.warnings)))
     return checks
 
 

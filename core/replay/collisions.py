@@ -53,7 +53,9 @@ def self_collisions(
     mj = replay.mj
     solid = [i for i in range(mj.ngeom) if mj.geom_bodyid[i] != 0]
     if not replay.self_collision and any(mj.geom_conaffinity[solid]):
-        raise UsageError("the replay model was built without self_collision: it can't tell where the robot meets itself")
+        raise UsageError(
+            "the replay model was built without self_collision: it can't tell where the robot meets itself"
+        )
     links = tuple(dict.fromkeys(mj.geom(i).name.rpartition("/")[0] for i in solid))
     link_of_geom = np.full(mj.ngeom, -1)
     link_of_geom[solid] = [links.index(mj.geom(i).name.rpartition("/")[0]) for i in solid]
@@ -116,6 +118,4 @@ def sole_heights(
     rotation, origin = link_poses(
         replay.robot, [foot.link for foot in feet.values()], joints, base_orientation, base_position
     )
-    return {
-        side: rotation[:, i, 2] @ foot.sole.T + origin[:, i, 2:] for i, (side, foot) in enumerate(feet.items())
-    }
+    return {side: rotation[:, i, 2] @ foot.sole.T + origin[:, i, 2:] for i, (side, foot) in enumerate(feet.items())}

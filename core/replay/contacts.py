@@ -29,7 +29,7 @@ def near_pairs(mj: Any) -> set[tuple[int, int]]:
 def _chain_of_shapes(mj: Any) -> dict[int, set[int]]:
     """Body → the bodies next to it, with those left out that have no shape and one child."""
     children = {body: [c for c in range(1, mj.nbody) if mj.body_parentid[c] == body] for body in range(mj.nbody)}
-    solid = {int(body) for body, kind in zip(mj.geom_bodyid, mj.geom_contype, strict=True) if kind}
+    solid = {int(body) for body, kind in zip(mj.geom_bodyid, mj.geom_conaffinity, strict=True) if kind}
     skipped = {body for body in range(1, mj.nbody) if body not in solid and len(children[body]) == 1}
     neighbours: dict[int, set[int]] = {body: set() for body in range(mj.nbody) if body not in skipped}
     for body in neighbours:

@@ -39,7 +39,8 @@ class ReplayModel:
     base's 7 and 6 (position and quaternion wxyz; linear velocity in the world, angular in the body), None where it stands still.
     torque_limit_nm: (n,), inf where unknown. armature: (n,) kg m², part of MuJoCo's own mass
     matrix. friction_nm, damping_nms_rad: (n,), the URDF's.
-    self_collision: whether the robot's shapes meet each other. excluded: pairs of bodies whose shapes are not judged against each other. body_of_link: link → id of the body that carries it.
+    self_collision: whether the robot's shapes meet each other. excluded: pairs of bodies whose shapes are not judged against each other;
+    touching: those of them that are no neighbours, but overlap in the reference posture. body_of_link: link → id of the body that carries it.
     repaired: links whose inertia no rigid body can have. warnings: what had to be left out, for the user.
     """
 
@@ -56,6 +57,7 @@ class ReplayModel:
     damping_nms_rad: Array
     self_collision: bool
     excluded: tuple[tuple[str, str], ...]
+    touching: tuple[tuple[str, str], ...]
     body_of_link: Mapping[str, int]
     repaired: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -93,7 +95,7 @@ def build(
     `warnings`.
     """
     shapes, warnings = shapes_of(model, visuals=visuals)
-    contents = {shape.mesh: shape.mesh.read_bytes() for shape in shapes if shape.mesh is not None}
+    contents = _contents(model, shapes)
     inertias, limit = link_inertias(model), torque_limits(model)
     armature = _armature(model, inertias)
     height = _standing_height(model) if floor else 0.0
@@ -144,6 +146,20 @@ def _standing_height(model: RobotModel) -> float:
         return 0.0
     rotation, origin = link_poses(model, [foot.link for foot in feet], model.reference_posture[None])
     return -min(float((foot.sole @ rotation[0, i].T + origin[0, i])[:, 2].min()) for i, foot in enumerate(feet))
+
+
+def _contents(model: RobotModel, shapes: Sequence[Shape]) -> dict[Path, bytes]:
+    contents = {}
+    for path in {shape.mesh: None for shape in shapes if shape.mesh is not None}:
+        try:
+            contents[path] = path.read_bytes()
+        except OSError as error:
+            raise ProfileError(
+                model.profile.origin or model.profile.name,
+                f"mesh {path} can't be read: {error.strerror}",
+                place="[model]",
+            ) from None
+    return contents
 
 
 def _read_meshes(
@@ -204,6 +220,7 @@ def _checked(
         for frame in model.pin_model.frames
         if str(frame.type) == "BODY"
     }
+    near = near_pairs(mj)
     pairs = [(int(s) >> 16, int(s) & 0xFFFF) for s in mj.exclude_signature]
     repaired = tuple(bodies[i] for i, inertia in inertias.items() if inertia.repaired)
     floating = base == "floating"
@@ -221,6 +238,7 @@ def _checked(
         damping_nms_rad=np.array(mj.dof_damping[qvel]),
         self_collision=any(mj.geom_contype[i] and mj.geom_bodyid[i] for i in range(mj.ngeom)),
         excluded=tuple((mj.body(a).name, mj.body(b).name) for a, b in pairs),
+        touching=tuple((mj.body(a).name, mj.body(b).name) for a, b in pairs if (min(a, b), max(a, b)) not in near),
         body_of_link=body_of_link,
         repaired=repaired,
         warnings=tuple(warnings),

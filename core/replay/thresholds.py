@@ -50,8 +50,8 @@ KINEMATIC = (
     Threshold("coupled_limit_excess_deg", "deg", 0, "joints that share a mechanism limit each other as hard as a stop"),
     Threshold("velocity_limit_violations", "", 0, "steps that the motor can't make in time; no tolerance"),
     Threshold("velocity_ratio_max", "", 1, "fastest step beside the joint's speed limit"),
-    Threshold("velocity_mismatch_percent", "%", 20, "stored velocities beside those of the positions: the rest of good files' differences "
-              "is below 5 %, a wrong frame rate or joint order starts at 50 %"),
+    Threshold("velocity_mismatch_percent", "%", 40, "stored velocities beside those of the positions, rms: differences of good files stay below "
+              "10 %, double rate gives 50 %"),
     Threshold("acceleration_max_rad_s2", "rad/s²", 500, "people's fastest joint motions stay below 250; a limb of 1 kg m² at 500 "
               "would need 500 Nm"),
     Threshold("jerk_rms_rad_s3", "rad/s³", 1500, "retargeted walking has 300 to 400; a tracker's noise that was not filtered has thousands"),

@@ -1,0 +1,113 @@
+"""The fast gate: what a trajectory's numbers alone tell, without dynamics.
+
+| asks | of |
+|---|---|
+| can every joint be there, and get there in time? | `joint_checks`: ranges, coupled ranges, speeds, accelerations, jumps, stored velocities |
+| does the robot stand in the world as it should? | `base_checks`: floor, feet, tilt, speed, quaternion order |
+| do links run into each other? | the collision function that is given |
+| are frames missing? | here: gaps in time, frames that the solver marked |
+
+Which limit each check has, and why, stands in `thresholds.KINEMATIC`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from retarget.core.replay.base_checks import check_base
+from retarget.core.replay.joint_checks import check_joints
+from retarget.core.replay.match import matched
+from retarget.core.replay.thresholds import KINEMATIC, Thresholds
+from retarget.core.robot_model import RobotModel
+from retarget.core.types import Array, Check, JointTrajectory, ValidationReport
+
+if TYPE_CHECKING:
+    from retarget.core.replay.collisions import SelfCollisions
+    from retarget.core.replay.model import ReplayModel
+
+MODE = "kinematic"
+
+
+Collide = Callable[[JointTrajectory], "SelfCollisions"]
+"""Finds self-collisions of a trajectory whose joints stand in the model's order."""
+
+
+def check(trajectory: JointTrajectory, replay: ReplayModel, thresholds: Thresholds | None = None) -> ValidationReport:
+    """The report on `trajectory`, whose joints may stand in any order; `replay` is built with `self_collision`.
+
+    series: (T,) each: "time", "problem/<joint or place>" (1 = at a limit) for a strip of problems over time, "foot_height_m/<side>" …
+    facts: "self_collision_pairs", deepest first, among others.
+    Raises `InvalidDataError` for joints that are not the model's (`match.matched`).
+    """
+    from retarget.core.replay.collisions import self_collisions
+
+    return check_numbers(trajectory, replay.robot, thresholds, lambda motion: self_collisions(replay, motion.position))
+
+
+def check_numbers(
+    trajectory: JointTrajectory,
+    model: RobotModel,
+    thresholds: Thresholds | None = None,
+    collide: Collide | None = None,
+) -> ValidationReport:
+    """As `check`, needing no physics engine; without `collide` self-collision is not judged."""
+    limits = thresholds or Thresholds(MODE)
+    trajectory = matched(trajectory, model)
+    joints, series = check_joints(trajectory, model, limits)
+    base, base_series = check_base(trajectory, model, limits)
+    found = collide(trajectory) if collide else None
+    touch, touch_series, pairs = _collisions(trajectory, limits, found)
+    timing, timing_series = _timing(trajectory, limits)
+    by_name = {entry.name: entry for entry in (*joints, *touch, *base, *timing)}
+    return ValidationReport(
+        subject=model.profile.name,
+        checks=tuple(by_name[row.name] for row in KINEMATIC),
+        series={"time": trajectory.time, **series, **base_series, **touch_series, **timing_series},
+        mode=MODE,
+        facts={"frames": trajectory.frames, "rate_hz": trajectory.rate_hz, "self_collision_pairs": pairs},
+    )
+
+
+def _collisions(
+    trajectory: JointTrajectory, thresholds: Thresholds, found: SelfCollisions | None
+) -> tuple[list[Check], dict[str, Array], list[dict[str, Any]]]:
+    names = ("self_collision_depth_mm", "self_collision_percent")
+    if found is None:
+        return [thresholds.check(name, None, "collisions were not looked for") for name in names], {}, []
+    depth = 1e3 * found.depth_m
+    pairs = [
+        {"links": list(links), "depth_mm": 1e3 * deepest, "time_s": float(trajectory.time[frame]), "frames": frames}
+        for links, (deepest, frame, frames) in found.by_pair().items()
+    ]
+    where, when = (" and ".join(pairs[0]["links"]), pairs[0]["time_s"]) if pairs else ("", None)
+    others = f"{len(pairs)} pairs touch" if len(pairs) > 1 else ""
+    checks = [
+        thresholds.check(names[0], float(depth.max()), others, where=where, time_s=when),
+        thresholds.check(names[1], 100 * float((depth > 0).mean())),
+    ]
+    limit = thresholds.limits[names[0]]
+    strip = {"problem/self-collision": depth / limit} if limit else {}
+    return checks, {"self_collision_depth_mm": depth} | strip, pairs
+
+
+def _timing(trajectory: JointTrajectory, thresholds: Thresholds) -> tuple[list[Check], dict[str, Array]]:
+    marked = np.flatnonzero(trajectory.status)
+    when = float(trajectory.time[marked[0]]) if len(marked) else None
+    checks = [
+        thresholds.check("marked_frames", len(marked), "the first of them" if len(marked) > 1 else "", time_s=when)
+    ]
+    if trajectory.frames < 2:
+        return [*checks, thresholds.check("time_gap_ratio", None, "a single frame has no gaps")], {}
+    steps = np.diff(trajectory.time)
+    at, usual = int(np.argmax(steps)), float(np.median(steps))
+    ratio = steps / usual
+    note = f"{steps[at]:.4f} s after the frame there, {usual:.4f} s is usual" if ratio[at] > 1.5 else ""
+    time_s = float(trajectory.time[at]) if note else None
+    checks.append(thresholds.check("time_gap_ratio", float(ratio[at]), note, time_s=time_s))
+    limit = thresholds.limits["time_gap_ratio"]
+    if not limit:
+        return checks, {}
+    problem = np.where(ratio > 1.5, ratio / limit, 0.0)
+    return checks, {"problem/timing": np.maximum(np.concatenate([[0.0], problem]), trajectory.status)}

@@ -1,0 +1,291 @@
+"""Faults put into good clips: each must be caught, and named with the joint and the time it was put at."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from retarget.core import rotations
+from retarget.core.errors import InvalidDataError
+from retarget.core.replay import kinematic
+from retarget.core.replay.thresholds import Thresholds
+from retarget.core.types import JointTrajectory, ValidationReport
+
+Clip = Callable[[str, str], tuple[JointTrajectory, Any]]
+Walking = tuple[JointTrajectory, Any]
+
+
+def with_position(trajectory: JointTrajectory, joint: str, frames: Any, by: float) -> np.ndarray:
+    """A copy of the joint values (T, n) with `by` rad added to one joint in those frames."""
+    position = trajectory.position.copy()
+    position[frames, trajectory.joint_names.index(joint)] += by
+    return position
+
+
+def failures(report: ValidationReport) -> set[str]:
+    return {check.name for check in report.failures}
+
+
+@pytest.mark.parametrize(
+    ("robot", "sample"), [*((robot, "walk") for robot in ("g1", "icub", "talos", "tocabi", "baxter")), ("g1", "squat")]
+)
+def test_good_clips_raise_no_alarm(clip: Clip, robot: str, sample: str) -> None:
+    report = kinematic.check_numbers(*clip(robot, sample))
+    assert [(check.name, check.value, check.note) for check in report.failures] == []
+    unjudged = {check.name: check.note for check in report.checks if check.passed is None}
+    assert all(unjudged.values())
+
+
+def test_jump_of_half_a_radian(walking: Walking) -> None:
+    """From frame 300 (5 s) on one joint stands half a radian elsewhere: no speed limit of G1's wrist is crossed by it alone."""
+    good, model = walking
+    bad = replace(good, position=with_position(good, "left_wrist_yaw_joint", slice(300, None), 0.5))
+    check = kinematic.check_numbers(bad, model).check("joint_jump_max_rad")
+    assert not check.passed
+    assert check.value == pytest.approx(0.5, abs=0.02)
+    assert (check.where, check.time_s) == ("left_wrist_yaw_joint", good.time[300])
+    assert check.note.startswith("left_wrist_yaw_joint at 5.000 s")
+
+
+@pytest.mark.parametrize("frame", [1, 2, 400, 792])
+def test_single_frame_that_stands_out(walking: Walking, frame: int) -> None:
+    good, model = walking
+    bad = replace(good, position=with_position(good, "right_elbow_joint", frame, -0.5))
+    check = kinematic.check_numbers(bad, model).check("joint_jump_max_rad")
+    assert not check.passed
+    assert check.where == "right_elbow_joint"
+    assert check.time_s in good.time[frame : frame + 2]
+
+
+def test_limit_crossed_by_a_hundredth(walking: Walking) -> None:
+    """A knee that bends further throughout, so that its deepest bend is 0.01 rad over the limit: nothing else about it is odd."""
+    good, model = walking
+    joint = "right_knee_joint"
+    i = model.joint_index(joint)
+    frame = int(np.argmax(good.position[:, i]))
+    position = good.position.copy()
+    position[:, i] += model.upper[i] + 0.01 - position[frame, i]
+    report = kinematic.check_numbers(replace(good, position=position), model)
+    count, excess = report.check("position_limit_violations"), report.check("position_limit_excess_deg")
+    assert count.value == (position[:, i] > model.upper[i]).sum()
+    assert (count.passed, count.where, count.time_s) == (False, joint, good.time[frame])
+    assert excess.value == pytest.approx(np.degrees(0.01), abs=1e-9)
+    assert (excess.where, excess.time_s) == (joint, good.time[frame])
+    strip = report.series[f"problem/{joint}"]
+    assert np.argmax(strip) == frame
+    assert strip[frame] == pytest.approx(1 + np.degrees(0.01))
+
+
+def test_limit_touched_in_single_precision_is_no_violation(walking: Walking) -> None:
+    """A learning pipeline's file: values clipped to the limit, stored as float32, which may round outward."""
+    good, model = walking
+    position = good.position.copy()
+    for i, limit in enumerate(model.upper):
+        position[i, i] = limit
+    rounded = position.astype(np.float32).astype(float)
+    assert (rounded > model.upper + 1e-9).any()
+    report = kinematic.check_numbers(replace(good, position=rounded), model)
+    assert report.check("position_limit_violations").passed
+    assert report.check("position_limit_excess_deg").passed
+    # The same values in a file of doubles would have been written so.
+    position[0, 0] = model.upper[0] + 1e-7
+    assert (
+        not kinematic.check_numbers(replace(good, position=position), model).check("position_limit_violations").passed
+    )
+
+
+def test_feet_three_centimetres_under_the_floor(walking: Walking) -> None:
+    good, model = walking
+    sunk = good.base_position.copy()
+    sunk[240:300, 2] -= 0.03
+    check = kinematic.check_numbers(replace(good, base_position=sunk), model).check("ground_penetration_mm")
+    assert not check.passed
+    assert check.value == pytest.approx(30, abs=1.5)
+    assert check.where in ("Left foot", "Right foot")
+    assert good.time[240] <= check.time_s < good.time[300]
+
+
+def test_feet_in_the_air(walking: Walking) -> None:
+    good, model = walking
+    raised = good.base_position + np.array([0.0, 0.0, 0.05])
+    check = kinematic.check_numbers(replace(good, base_position=raised), model).check("feet_floating_mm")
+    assert not check.passed
+    assert check.value == pytest.approx(50, abs=1)
+    jump = good.base_position.copy()
+    jump[300:330, 2] += 0.3  # half a second of flight is a jump
+    assert kinematic.check_numbers(replace(good, base_position=jump), model).check("feet_floating_mm").passed
+
+
+@pytest.mark.parametrize(("order", "words"), [
+    ([1, 2, 3, 0], "x y z w was read as w x y z"),
+    ([3, 0, 1, 2], "w x y z was read as x y z w"),
+])  # fmt: skip
+@pytest.mark.parametrize("robot", ["g1", "icub", "talos", "tocabi"])
+def test_swapped_quaternion_order(clip: Clip, robot: str, order: list[int], words: str) -> None:
+    good, model = clip(robot, "walk")
+    swapped = rotations.make_continuous(good.base_orientation[:, order])
+    report = kinematic.check_numbers(replace(good, base_orientation=swapped), model)
+    check = report.check("base_quaternion_swapped")
+    assert (check.value, check.passed, check.where) == (1, False, model.base_link)
+    assert words in check.note
+    assert len(failures(report)) > 1  # and what it does to the robot
+
+
+def test_a_fall_is_not_taken_for_a_swapped_quaternion(walking: Walking) -> None:
+    good, model = walking
+    over = rotations.exp(np.outer(np.linspace(0, 2.5, good.frames), [1.0, 0.0, 0.0]))
+    fallen = rotations.make_continuous(rotations.multiply(over, good.base_orientation))
+    report = kinematic.check_numbers(replace(good, base_orientation=fallen), model)
+    assert not report.check("base_tilt_deg").passed
+    assert report.check("base_quaternion_swapped").passed
+
+
+def test_clip_at_double_rate_contradicts_its_velocities(walking: Walking) -> None:
+    """G1's limits are far from what walking needs, at double speed too: the stored velocities tell."""
+    good, model = walking
+    report = kinematic.check_numbers(replace(good, time=good.time / 2), model)
+    check = report.check("velocity_mismatch_percent")
+    assert not check.passed
+    assert "2.00 times as fast as the stored velocities" in check.note
+    assert report.check("velocity_limit_violations").passed
+
+
+@pytest.mark.parametrize(("robot", "joint"), [("talos", "leg_"), ("tocabi", "Knee")])
+def test_clip_at_double_rate_crosses_speed_limits(clip: Clip, robot: str, joint: str) -> None:
+    """Also where no velocities were stored: they are then the differences of what is there."""
+    good, model = clip(robot, "walk")
+    time = good.time / 2
+    bad = replace(good, time=time, velocity=np.gradient(good.position, time, axis=0))
+    report = kinematic.check_numbers(bad, model)
+    check = report.check("velocity_limit_violations")
+    assert not check.passed
+    assert joint in check.where
+    assert check.value == (np.abs(np.diff(bad.position, axis=0)) > model.velocity_limit * (time[1] - time[0])).sum()
+
+
+@pytest.mark.parametrize(("first", "second"), [
+    ("left_knee_joint", "left_hip_pitch_joint"),
+    ("left_shoulder_roll_joint", "right_shoulder_roll_joint"),
+    ("right_ankle_pitch_joint", "right_knee_joint"),
+])  # fmt: skip
+def test_two_swapped_joints(walking: Walking, first: str, second: str) -> None:
+    """Values of one joint under the other's name: shows where they leave the other's range, or put a foot off the floor."""
+    good, model = walking
+    names = list(good.joint_names)
+    i, j = names.index(first), names.index(second)
+    names[i], names[j] = second, first
+    report = kinematic.check_numbers(replace(good, joint_names=tuple(names)), model)
+    assert failures(report) & {"position_limit_violations", "ground_penetration_mm", "foot_skate_m_s"}
+    if not (check := report.check("position_limit_violations")).passed:
+        assert check.where in (first, second)
+
+
+def test_teleporting_and_spinning_base(walking: Walking) -> None:
+    good, model = walking
+    away = good.base_position.copy()
+    away[500:] += [0.4, 0.0, 0.0]
+    check = kinematic.check_numbers(replace(good, base_position=away), model).check("base_jump_max_m")
+    assert (check.passed, check.time_s) == (False, good.time[500])
+    assert check.value == pytest.approx(0.4, abs=0.01)
+    turn = np.where(np.arange(good.frames) >= 500, 1.0, 0.0)[:, None] * [0.0, 0.0, 1.0]
+    spun = rotations.make_continuous(rotations.multiply(rotations.exp(turn), good.base_orientation))
+    check = kinematic.check_numbers(replace(good, base_orientation=spun), model).check("base_turn_max_rad_s")
+    assert (check.passed, check.time_s) == (False, good.time[500])
+    assert check.value == pytest.approx(60.0, rel=0.02)
+
+
+def test_sliding_feet(walking: Walking) -> None:
+    """The robot stands for its first frames; it is drawn over the floor at 0.3 m/s."""
+    good, model = walking
+    still = {
+        name: getattr(good, name)[:1].repeat(60, axis=0) for name in ("position", "base_position", "base_orientation")
+    }
+    drawn = JointTrajectory(
+        time=np.arange(60) / 60, joint_names=good.joint_names, velocity=np.zeros((60, 29)), base_frame=good.base_frame,
+        **still | {"base_position": still["base_position"] + np.outer(np.arange(60) / 60, [0.3, 0.0, 0.0])},
+    )  # fmt: skip
+    check = kinematic.check_numbers(drawn, model).check("foot_skate_m_s")
+    assert not check.passed
+    assert check.value == pytest.approx(0.3, abs=1e-6)
+
+
+def test_lost_frames_and_marked_frames(walking: Walking) -> None:
+    good, model = walking
+    keep = np.r_[0:400, 406 : good.frames]
+    status = np.zeros(len(keep), np.int8)
+    status[[100, 101]] = 1
+    arrays = (
+        "time",
+        "position",
+        "velocity",
+        "base_position",
+        "base_orientation",
+        "base_linear_velocity",
+        "base_angular_velocity",
+    )
+    report = kinematic.check_numbers(replace(good, status=status, **{n: getattr(good, n)[keep] for n in arrays}), model)
+    gap, marked = report.check("time_gap_ratio"), report.check("marked_frames")
+    assert gap.value == pytest.approx(7)
+    assert (gap.passed, gap.time_s) == (False, good.time[399])
+    assert (marked.value, marked.passed, marked.time_s) == (2, False, good.time[100])
+    assert report.check("joint_jump_max_rad").passed  # a gap is a gap, not a jump as well
+
+
+def test_nan_and_time_that_runs_backward_never_get_here(walking: Walking) -> None:
+    good, _ = walking
+    bad = good.position.copy()
+    bad[3, 4] = np.nan
+    with pytest.raises(InvalidDataError, match=r"position: found nan at \(3, 4\)"):
+        replace(good, position=bad)
+    with pytest.raises(InvalidDataError, match="increasing times"):
+        replace(good, time=good.time[::-1])
+
+
+def test_joints_of_another_robot_are_refused(walking: Walking) -> None:
+    good, model = walking
+    renamed = tuple(name.replace("left_elbow_joint", "left_elbow_jiont") for name in good.joint_names)
+    with pytest.raises(InvalidDataError, match=re.escape("no joint 'left_elbow_jiont'; did you mean left_elbow_joint")):
+        kinematic.check_numbers(replace(good, joint_names=renamed), model)
+    fewer = replace(
+        good, joint_names=good.joint_names[:23], position=good.position[:, :23], velocity=good.velocity[:, :23]
+    )
+    with pytest.raises(InvalidDataError, match="lacks 6 of the 29 joints of robot 'g1': right_shoulder_roll_joint, "):
+        kinematic.check_numbers(fewer, model)
+
+
+def test_single_frame_and_two_frames(walking: Walking) -> None:
+    good, model = walking
+    names = (
+        "time",
+        "position",
+        "velocity",
+        "base_position",
+        "base_orientation",
+        "base_linear_velocity",
+        "base_angular_velocity",
+        "status",
+    )
+    for frames in (1, 2, 3, 4):
+        part = replace(good, **{name: getattr(good, name)[:frames] for name in names})
+        report = kinematic.check_numbers(part, model)
+        assert report.passed
+        assert all(len(values) == frames for key, values in report.series.items() if key.startswith("problem/"))
+        assert (report.check("velocity_ratio_max").value is None) == (frames == 1)
+
+
+def test_limits_that_are_set_decide(walking: Walking) -> None:
+    good, model = walking
+    strict = Thresholds("kinematic").overridden(["acceleration_max_rad_s2=100", "jerk_max_rad_s3=1e4"])
+    report = kinematic.check_numbers(good, model, strict)
+    assert failures(report) == {"acceleration_max_rad_s2"}
+    assert report.check("jerk_max_rad_s3").passed
+
+
+def test_the_same_input_gives_the_same_report(walking: Walking) -> None:
+    first, second = (kinematic.check_numbers(*walking) for _ in range(2))
+    assert first.checks == second.checks
+    assert all(np.array_equal(first.series[key], second.series[key]) for key in first.series)
