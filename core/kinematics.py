@@ -101,11 +101,12 @@ def axis_frames(model: RobotModel) -> dict[int, AxisFrame]:
     pin_model, first = model.pin_model, model.pin_model.nv - len(model.joint_names)
     data = pin_model.createData()
     pin.computeJointJacobians(pin_model, data, pin.neutral(pin_model))
+    jacobian = np.reshape(data.J, (6, -1))  # pinocchio hands a single column over as a vector
     frames: dict[int, AxisFrame] = {}
     for i in range(1, pin_model.njoints):
         if pin_model.joints[i].nv != 1:
             continue
-        slide, turn = np.split(data.J[:, pin_model.joints[i].idx_v], 2)
+        slide, turn = np.split(jacobian[:, pin_model.joints[i].idx_v], 2)
         sliding = bool(np.linalg.norm(turn) < 0.5)
         axes = _with_z(np.array(data.oMi[i].rotation).T @ (slide if sliding else turn))
         parent, placement = int(pin_model.parents[i]), pin_model.jointPlacements[i]

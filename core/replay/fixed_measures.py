@@ -78,8 +78,8 @@ class FixedMeasures:
 
     @property
     def torque_ratio(self) -> Array:
-        """(n,) largest torque as a part of the limit, 0 where no limit is known."""
-        return np.where(np.isfinite(self.limit), self.peak_torque / self.limit, 0.0)
+        """(n,) largest torque as a part of the limit, 0 where no limit is known or nothing is allowed."""
+        return np.divide(self.peak_torque, self.limit, out=np.zeros(len(self.limit)), where=self.limit > 0)
 
     @property
     def energy_j(self) -> float:

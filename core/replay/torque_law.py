@@ -84,20 +84,26 @@ class InverseDynamics:
         """`replay`: fixed base."""
         self._replay = replay
         self._model = copy.deepcopy(replay.mj)
-        off = mujoco.mjtDisableBit
-        self._model.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_GRAVITY | off.mjDSBL_SPRING)
-        self._model.opt.disableflags |= int(off.mjDSBL_DAMPER | off.mjDSBL_ACTUATION)
+        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
         self._data = mujoco.MjData(self._model)
 
     def torque(self, position: Array, velocity: Array, acceleration: Array) -> Array:
         """(K, n) Nm for K states: positions, velocities, accelerations (K, n) in the robot's joint order."""
-        model, data = self._model, self._data
-        to_qpos, to_qvel = self._replay.qpos, self._replay.qvel
-        torque = np.empty(position.shape)
-        for k in range(len(position)):
-            data.qpos[to_qpos] = position[k]
-            data.qvel[to_qvel] = velocity[k]
-            data.qacc[to_qvel] = acceleration[k]
-            mujoco.mj_inverse(model, data)
-            torque[k] = data.qfrc_inverse[to_qvel]
-        return torque
+        model, data, count = self._model, self._data, len(position)
+        qpos, qvel, qacc = (np.zeros((count, size)) for size in (model.nq, model.nv, model.nv))
+        qpos[:] = data.qpos
+        qpos[:, self._replay.qpos] = position
+        qvel[:, self._replay.qvel] = velocity
+        qacc[:, self._replay.qvel] = acceleration
+        torque = np.empty((count, model.nv))
+        # `mj_inverse` without constraints, passive forces and the mass matrix: twice as fast.
+        for k in range(count):
+            data.qpos[:] = qpos[k]
+            data.qvel[:] = qvel[k]
+            data.qacc[:] = qacc[k]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_comVel(model, data)
+            mujoco.mj_rne(model, data, 1, torque[k])
+        torque += model.dof_armature * qacc
+        return np.asarray(torque[:, self._replay.qvel])
