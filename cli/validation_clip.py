@@ -200,7 +200,7 @@ def _read(job: Job, motion: HumanMotion | None) -> tuple[JointTrajectory, RobotM
         raise UsageError(f"{job.shown}: --rate is for files without times; they also need --csv-style or --joint-order")
     trajectory = formats.read_trajectory(source, job.shown)
     warnings = list(trajectory.provenance.get("warnings", ()))
-    robot = job.robot or trajectory.robot
+    robot = job.robot or trajectory.robot or str(trajectory.provenance.get("robot", ""))
     if not robot:
         raise UsageError(f"{job.shown}: names no robot; give --robot NAME|FILE.toml")
     model = _robot(robot, motion, job)

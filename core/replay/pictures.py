@@ -109,14 +109,20 @@ class Painter:
 
     def _box(self, postures: Array) -> tuple[Array, Array]:
         """Corners of a box about the model in all `postures`, in screen axes (toward, right, up) about the base."""
-        bodies = self._mj.geom_bodyid > 0
-        radius = self._mj.geom_rbound[bodies, None] * 0.7  # a sphere about a long hull is much larger than the hull
+        drawn = np.flatnonzero((self._mj.geom_bodyid > 0) & (self._option.geomgroup[self._mj.geom_group] > 0))
+        if not len(drawn):
+            return np.full(3, -0.5), np.full(3, 0.5)
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        boxes = self._mj.geom_aabb[drawn]
+        corners = boxes[:, None, :3] + signs * boxes[:, None, 3:]
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
         for posture in postures:
             self._data.qpos[:] = posture
             mujoco.mj_kinematics(self._mj, self._data)
-            seen = (self._data.geom_xpos[bodies] - self._base()) @ _SCREEN.T
-            low, high = np.minimum(low, (seen - radius).min(axis=0)), np.maximum(high, (seen + radius).max(axis=0))
+            turns = self._data.geom_xmat[drawn].reshape(-1, 3, 3)
+            points = self._data.geom_xpos[drawn][:, None] + np.einsum("gij,gkj->gki", turns, corners)
+            seen = (points.reshape(-1, 3) - self._base()) @ _SCREEN.T
+            low, high = np.minimum(low, seen.min(axis=0)), np.maximum(high, seen.max(axis=0))
         return low, high
 
     def _place(self, points: Array, low: Array, high: Array) -> tuple[Array, Array]:
