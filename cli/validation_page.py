@@ -36,7 +36,7 @@ MODES = {
 
 @dataclass(frozen=True)
 class Shot:
-    """One snapshot: when (s), the PNG, and what is wrong at that instant, "" for nothing."""
+    """One snapshot: when (s), the PNG, and the row of the problem for whose sake it was taken, "" for one of the even instants."""
 
     time_s: float
     png: bytes
@@ -114,9 +114,10 @@ def _overview(sections: Sequence[Section]) -> str:
 def _side_by_side(sections: Sequence[Section]) -> str:
     """Snapshots of all trajectories under each other, and their tracking in the same panels where the joints are the same."""
     parts = ["<section>\n<h2>Side by side</h2>"]
-    if all(section.shots for section in sections):
-        columns = max(len(section.shots) for section in sections)
-        cells = "".join(f'<div class="row">{html.escape(s.title)}</div>{_cells(s, columns)}' for s in sections)
+    even = [replace(s, shots=tuple(shot for shot in s.shots if not shot.problem)) for s in sections]
+    if all(section.shots for section in even):
+        columns = max(len(section.shots) for section in even)
+        cells = "".join(f'<div class="row">{html.escape(s.title)}</div>{_cells(s, columns)}' for s in even)
         parts.append(f'<div class="shots" style="grid-template-columns:repeat({columns},1fr)">{cells}</div>')
     labels = [section.title for section in sections]
     curves = [section.curves for section in sections]
@@ -163,7 +164,7 @@ def _section(section: Section) -> str:
     if worst is not None:
         row, kind, time_s, ratio = worst
         where = f"Worst: {row} at {time_s:.2f} s ({kind}, {100 * ratio:,.0f} % of it)."
-    alone = [replace(section.curves)]
+    alone = [section.curves]
     parts += _figures(
         [
             (

@@ -198,18 +198,16 @@ class _Postures:
 
 
 def _shots(postures: _Postures, curves: Curves) -> tuple[Shot, ...]:
-    """Evenly spaced snapshots; the one nearest to the worst problem is taken right there."""
+    """Evenly spaced snapshots, the same instants for trajectories of one length, and a last one of the worst problem."""
     start, end = curves.time[0], curves.time[-1]
     times = np.linspace(start, end, SHOTS if end > start else 1)
-    at, problem = -1, ""
+    problems = [""] * len(times)
     if (worst := worst_problem(curves)) is not None:
-        problem = worst[0]
-        at = int(np.argmin(np.abs(times - worst[2])))
-        times[at] = worst[2]
+        times, problems = np.append(times, worst[2]), [*problems, worst[0]]
     images = postures.images(times, SHOT_SIZE, 4)
     return tuple(
-        Shot(float(time_s), video.png(image), problem if i == at else "")
-        for i, (time_s, image) in enumerate(zip(times, images, strict=True))
+        Shot(float(time_s), video.png(image), problem)
+        for time_s, image, problem in zip(times, images, problems, strict=True)
     )
 
 
