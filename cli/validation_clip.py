@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from retarget.core.types import HumanMotion, JointTrajectory, ValidationReport
 
 Record = dict[str, Any]
-PICKLES = (".pkl", ".pickle", ".p")
 KEYS = ("name", "value", "unit", "limit", "passed", "note", "where", "time_s")
 
 
@@ -33,7 +32,7 @@ class Job:
     """One trajectory to judge.
 
     input: path, or "-" for stdin. robot: name or profile path, None = the trajectory's own. overrides: "NAME=VALUE" of thresholds.
-    csv_style, joint_order, rate_hz: what a file doesn't say of itself. recording: the person's motion, for pictures.
+    csv_style, joint_order, quaternion_order, rate_hz: what a file doesn't say of itself. recording: the person's motion, for pictures.
     video, log, page: paths, "" for none. wants_section: the page's content is to come back.
     """
 
@@ -47,6 +46,7 @@ class Job:
     self_collision: bool = False
     csv_style: str | None = None
     joint_order: str | None = None
+    quaternion_order: Literal["wxyz", "xyzw"] | None = None
     rate_hz: float | None = None
     recording: str | None = None
     video: str = ""
@@ -183,22 +183,13 @@ def _read(job: Job, motion: HumanMotion | None) -> tuple[JointTrajectory, RobotM
     from retarget import formats
 
     source: Any = sys.stdin.buffer if job.input == PIPE else job.input
-    suffix = Path(job.input).suffix.lower()
-    if suffix in PICKLES:
-        raise UsageError(
-            f"{job.shown}: a pickle can run any code and is never read; expected it saved as npz (BeyondMimic's keys) or csv"
-        )
+    names = None
     if job.joint_order is not None or job.csv_style is not None:
         if job.robot is None:
             raise UsageError(f"{job.shown}: a file that names no joints names no robot; give --robot NAME|FILE.toml")
-        model = _robot(job.robot, motion, job)
-        kind: Literal["csv", "npz"] = "npz" if suffix == ".npz" else "csv"
-        names = _joint_order(job.joint_order or "urdf", model)
-        trajectory = formats.read_nameless_trajectory(source, kind, names, rate_hz=job.rate_hz, name=job.shown)
-        return trajectory, model, list(trajectory.provenance.get("warnings", ()))
-    if job.rate_hz is not None:
-        raise UsageError(f"{job.shown}: --rate is for files without times; they also need --csv-style or --joint-order")
-    trajectory = formats.read_trajectory(source, job.shown)
+        names = _joint_order(job.joint_order or "urdf", _robot(job.robot, motion, job))
+    options = formats.TrajectoryOptions(job.csv_style, job.rate_hz, names, job.quaternion_order)
+    trajectory = formats.read_trajectory(source, job.shown, options=options)
     warnings = list(trajectory.provenance.get("warnings", ()))
     robot = job.robot or trajectory.robot or str(trajectory.provenance.get("robot", ""))
     if not robot:
@@ -230,7 +221,7 @@ def _robot(robot: str, motion: HumanMotion | None, job: Job) -> RobotModel:
     return model_for(robot, motion)
 
 
-def _joint_order(order: str, model: RobotModel) -> Sequence[str]:
+def _joint_order(order: str, model: RobotModel) -> tuple[str, ...]:
     from retarget.core.replay import match
 
     if order in match.ORDERS:
@@ -240,7 +231,7 @@ def _joint_order(order: str, model: RobotModel) -> Sequence[str]:
         raise UsageError(
             f"--joint-order {order}: no such file; expected {', '.join(match.ORDERS)}, or a file with a joint's name a line"
         )
-    return [line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    return tuple(line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip())
 
 
 @lru_cache(maxsize=8)

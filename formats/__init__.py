@@ -9,27 +9,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from retarget.core.errors import FormatError, InvalidDataError, UsageError
+from retarget.core.errors import FormatError, InvalidDataError, UnknownNameError, UsageError
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
 from retarget.formats._describe import motion_facts, trajectory_facts
 from retarget.formats._input import Input, opened
-from retarget.formats._nameless import read_nameless_trajectory
 from retarget.formats._output import write_trajectory, write_trajectory_stream
 from retarget.formats._registry import available, detect, get, names
 from retarget.formats._replay_log import ReplayLog
-from retarget.formats.base import Format, TrackerOptions
+from retarget.formats.base import Format, TrackerOptions, TrajectoryOptions
 
 __all__ = [
     "Format",
     "ReplayLog",
     "TrackerOptions",
+    "TrajectoryOptions",
     "available",
     "describe",
     "detect",
     "get",
     "names",
     "read_motion",
-    "read_nameless_trajectory",
     "read_recording",
     "read_trackers",
     "read_trajectory",
@@ -55,15 +54,23 @@ def read_motion(source: Input, name: str | None = None, format: str | None = Non
             raise FormatError(shown, str(error)) from error
 
 
-def read_trajectory(source: Input, name: str | None = None, format: str | None = None) -> JointTrajectory:
-    """The robot trajectory in `source`; arguments and errors as those of `read_motion`."""
+def read_trajectory(
+    source: Input, name: str | None = None, format: str | None = None, options: TrajectoryOptions | None = None
+) -> JointTrajectory:
+    """The robot trajectory in `source`; arguments and errors as those of `read_motion`, `options` what files of other tools don't say.
+
+    Pickle is refused. Raises `UnknownNameError` for a style that the format doesn't read.
+    """
+    options = options or TrajectoryOptions()
     with opened(source, name, format, "read_trajectory") as (stream, shown, found):
         if found.read_trajectory is None:
             raise UsageError(
                 f"{shown}: {found.name} holds {_content(found)}, not a robot trajectory; expected one of {_readers('trajectory')}"
             )
+        if options.style is not None and options.style not in found.read_styles:
+            raise UnknownNameError(f"{found.name} style", options.style, found.read_styles, where=shown)
         try:
-            return found.read_trajectory(stream, shown)
+            return found.read_trajectory(stream, shown, options)
         except InvalidDataError as error:
             raise FormatError(shown, str(error)) from error
 
@@ -112,7 +119,7 @@ def describe(
             if found.describe is not None:
                 return found.describe(stream, shown)
             if found.read_trajectory is not None:
-                return trajectory_facts(found.name, found.read_trajectory(stream, shown))
+                return trajectory_facts(found.name, found.read_trajectory(stream, shown, TrajectoryOptions()))
             if found.read_motion is not None:
                 return motion_facts(found.name, found.read_motion(stream, shown))
         except InvalidDataError as error:

@@ -38,6 +38,7 @@ def opened(
         head, stream = _peek(stream, name)
         if not head:
             raise FormatError(name, "empty file")
+        _refuse_pickle(name, where, head)
         found = _registry.get(format) if format else _registry.detect(where, head, reader)
         if not found.pipeable and not stream.seekable():
             raise UsageError(f"{name}: {found.name} can't be read from a pipe; save it to a file and name that")
@@ -45,6 +46,17 @@ def opened(
             yield stream, name, found
         except OSError as error:
             raise RetargetError(f"{name}: can't be read: {error.strerror or error}") from error
+
+
+def _refuse_pickle(name: str, where: str | Path, head: bytes) -> None:
+    # Protocols 2 to 5 start with the opcode PROTO and their number; older ones only have the suffix.
+    begins = len(head) > 1 and head[0] == 0x80 and 2 <= head[1] <= 5
+    if begins or Path(where).suffix.lower() in (".pkl", ".pickle"):
+        raise FormatError(
+            name,
+            "a pickle runs code of its author's when it is read, so it never is",
+            expected="the same arrays as .npz (np.savez with fps, root_pos, root_rot, dof_pos) or as .csv",
+        )
 
 
 def _open(path: Path) -> BinaryIO:

@@ -16,6 +16,7 @@ from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
 
 UpAxis = Literal["y", "z"]
 Handedness = Literal["right", "left"]
+QuaternionOrder = Literal["wxyz", "xyzw"]
 
 
 @dataclass(frozen=True)
@@ -37,17 +38,47 @@ class TrackerOptions:
     handedness: Handedness | None = None
 
     def __post_init__(self) -> None:
-        for name, value, choices in (("up", self.up, ("y", "z")), ("handedness", self.handedness, ("right", "left"))):
-            if value is not None and value not in choices:
-                near = nearest(str(value), choices)
-                hint = f"; did you mean {near[0]}?" if near else ""
-                raise UsageError(f"{name}: found '{value}', expected {' or '.join(choices)}{hint}")
-        if self.rate_hz is not None and not 0 < self.rate_hz < 1e6:
-            raise UsageError(f"rate {self.rate_hz:g} Hz; expected a positive number below a million")
+        _check_choice("up", self.up, ("y", "z"))
+        _check_choice("handedness", self.handedness, ("right", "left"))
+        _check_rate(self.rate_hz)
+
+
+@dataclass(frozen=True)
+class TrajectoryOptions:
+    """What a robot trajectory of other tools doesn't say of itself; a file's own word goes before it. None = not given.
+
+    style: one of the format's `read_styles`, for files that can't be told apart by their content.
+    rate_hz: frames a second, of files without times and rate.
+    joint_names: one for each joint column, of files that name none.
+    quaternion_order: of the base, in files that don't name its components; None = what the style or the keys mean by convention.
+
+    Raises `UsageError` for values that are none of these.
+    """
+
+    style: str | None = None
+    rate_hz: float | None = None
+    joint_names: tuple[str, ...] | None = None
+    quaternion_order: QuaternionOrder | None = None
+
+    def __post_init__(self) -> None:
+        _check_choice("quaternion order", self.quaternion_order, ("wxyz", "xyzw"))
+        _check_rate(self.rate_hz)
+
+
+def _check_choice(name: str, value: str | None, choices: tuple[str, ...]) -> None:
+    if value is not None and value not in choices:
+        near = nearest(str(value), choices)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise UsageError(f"{name}: found '{value}', expected {' or '.join(choices)}{hint}")
+
+
+def _check_rate(rate_hz: float | None) -> None:
+    if rate_hz is not None and not 0 < rate_hz < 1e6:
+        raise UsageError(f"rate {rate_hz:g} Hz; expected a positive number below a million")
 
 
 MotionReader = Callable[[BinaryIO, str], HumanMotion]
-TrajectoryReader = Callable[[BinaryIO, str], JointTrajectory]
+TrajectoryReader = Callable[[BinaryIO, str, TrajectoryOptions], JointTrajectory]
 TrackerReader = Callable[[BinaryIO, str, TrackerOptions], TrackerRecording]
 TrackerDescriber = Callable[[BinaryIO, str, TrackerOptions], Mapping[str, Any]]
 TrajectoryWriter = Callable[[BinaryIO, JointTrajectory, str], None]
@@ -62,13 +93,14 @@ class Format:
     recognise their own files.
     magic: byte strings of which a file starts with one, for files whose suffix tells nothing; empty = no magic.
     recognises: whether a file that starts with these bytes is of this format, asked where a suffix is shared; None = can't say.
-    read_motion, read_trajectory: (binary stream, display name) → type; None = this format doesn't hold that.
+    read_motion: (binary stream, display name) → type; None = this format doesn't hold that. read_trajectory: the same, with options.
     read_trackers: (binary stream, display name, options) → poses of devices that are nobody's segments yet.
     describe_trackers: as `describe`, for formats with `read_trackers`.
     write_trajectory: (binary stream, trajectory, style) → nothing.
     describe: (binary stream, display name) → facts for `retarget info`, cheaper than a full read; None = from a full read.
     pipeable: whether it can be written to and read from a stream that can't seek.
     styles: names accepted as `style` by `write_trajectory`, the default first.
+    read_styles: names accepted as the `style` of `TrajectoryOptions`, the one that needs no naming first.
     """
 
     name: str
@@ -84,3 +116,4 @@ class Format:
     describe: Describer | None = None
     pipeable: bool = False
     styles: tuple[str, ...] = field(default=("default",))
+    read_styles: tuple[str, ...] = field(default=("default",))

@@ -11,8 +11,9 @@
 Numbers are the shortest decimals that give the same double back: values are kept bit for bit. CSV has no place for the robot's and the
 base frame's name, the provenance and the URDF: these are lost. A file cut off exactly between two lines can't be told from a whole one.
 
-Style `unitree`, written only: no header, a line a frame of root position x y z in m, root quaternion **xyzw**, joint positions in rad. It
-also loses times, names, velocities, twist and status. Headerless files are not read: their quaternion order can't be known.
+Style `unitree`: no header, a line a frame of root position x y z in m, root quaternion **xyzw**, joint positions in rad, as in Unitree's
+retargeted LAFAN1 motions and what GMR exports for BeyondMimic. It also loses times, names, velocities, twist and status: it is only read
+when the style is named, with the rate and the joint names. A headerless file is never guessed at: its quaternion order can't be known.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from typing import BinaryIO
 import numpy as np
 from retarget.core.errors import FormatError, nearest
 from retarget.core.types import Array, JointTrajectory
-from retarget.formats import _trajectory
-from retarget.formats.base import Format
+from retarget.formats import _headerless, _trajectory
+from retarget.formats.base import Format, TrajectoryOptions
 
 UNITREE = "unitree"
 _POSITION = ("base_x_m", "base_y_m", "base_z_m")
@@ -81,12 +82,14 @@ def _write_lines(stream: BinaryIO, columns: Sequence[Array], last: Sequence[int]
         stream.write(("\n".join(lines) + "\n").encode())
 
 
-def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
-    """The trajectory in a CSV file with this header; columns may stand in any order.
+def read_trajectory(stream: BinaryIO, name: str, options: TrajectoryOptions | None = None) -> JointTrajectory:
+    """The trajectory in a CSV file with this header; columns may stand in any order. Style "unitree" of `options`: without one.
 
     Columns of unknown names are left out with a warning; a missing velocity is differentiated.
     Raises `FormatError` for a file without header, missing or repeated columns, and lines that don't hold a number a column.
     """
+    if options is not None and options.style == UNITREE:
+        return _headerless.read(stream, name, options)
     text = io.TextIOWrapper(stream, encoding="utf-8-sig", newline="")
     try:
         header, values = _parse(text, name)
@@ -134,7 +137,8 @@ def _parse(text: Iterable[str], name: str) -> tuple[list[str], Array]:
             name,
             "starts with numbers, without a header",
             place="line 1",
-            expected="column names (time_s, q_<joint>_rad, base_qw …): the quaternion order of a headerless file can't be known",
+            expected="column names (time_s, q_<joint>_rad, base_qw …), or the style 'unitree' named: "
+            "the quaternion order of a headerless file can't be known",
         )
     if "time_s" not in header:
         near = nearest("time_s", header)
@@ -218,4 +222,5 @@ FORMAT = Format(
     write_trajectory=write_trajectory,
     pipeable=True,
     styles=("header", UNITREE),
+    read_styles=("header", UNITREE),
 )

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from retarget.core.errors import FormatError
 from retarget.core.types import JointTrajectory
 from retarget.formats import _trajectory
-from retarget.formats.base import Format
+from retarget.formats.base import Format, TrajectoryOptions
 
 if TYPE_CHECKING:
     import h5py
@@ -77,7 +77,7 @@ def _put(file: h5py.File, path: str, values: NDArray[Any], unit: str) -> None:
     file.create_dataset(path, data=values).attrs["unit"] = unit
 
 
-def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
+def read_trajectory(stream: BinaryIO, name: str, _options: TrajectoryOptions | None = None) -> JointTrajectory:
     """The trajectory in an HDF5 file of this layout.
 
     A missing velocity is differentiated, a missing status is 0. Raises `FormatError` for anything that is not such a file, and for

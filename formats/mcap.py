@@ -34,7 +34,7 @@ from retarget.formats._mcap_reader import MAGIC
 from retarget.formats._mcap_recording import INT8, METADATA, STRING, TWIST, WORLD, Recording
 from retarget.formats._mcap_writer import McapFile, Topic, message_record
 from retarget.formats._ros_messages import JOINT_STATE, TF_MESSAGE, Stamps, typestore
-from retarget.formats.base import Format
+from retarget.formats.base import Format, TrajectoryOptions
 
 _CHUNK_BYTES = 1 << 20
 
@@ -188,7 +188,7 @@ def _metadata(trajectory: JointTrajectory) -> dict[str, str]:
     }
 
 
-def read_trajectory(stream: BinaryIO, name: str) -> JointTrajectory:
+def read_trajectory(stream: BinaryIO, name: str, _options: TrajectoryOptions | None = None) -> JointTrajectory:
     """The trajectory in an MCAP stream, read once without seeking; see the module for what other recordings give.
 
     Raises `FormatError` for a broken or truncated file, one without joint states, and joint states that don't fit together.

@@ -14,13 +14,19 @@ base is written as standing at the origin) and `twist_known` (2,) (an unknown li
 poses). Texts are arrays of NumPy's own string types (`robot_description`, the longest, UTF-8 bytes to be a quarter the size): arrays of
 objects would need pickle, which is never written nor read.
 
-A file of others without `joint_names` is refused: which column is which joint can't be known. Of several bodies the first is the base,
-as in BeyondMimic. An archive needs to seek: no pipes.
+A file of others without `joint_names` is only read with names that are given: BeyondMimic's `csv_to_npz.py` names none, and its columns
+stand in Isaac Sim's order (breadth first), not in the URDF's. Of several bodies the first is the base, as in BeyondMimic.
+
+Also read: an archive of the arrays that GMR (General Motion Retargeting) pickles, `fps root_pos root_rot dof_pos`: `root_rot` (T, 4) is
+**xyzw**, as GMR's own scripts save it and its viewer expects it; some copies of it save wxyz, for which the order can be given. Names, where
+`joint_names` or `dof_names` holds none, must be given: URDF order. GMR's `local_body_pos` and `link_body_list` are not needed and not loaded.
+
+An archive needs to seek: no pipes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -28,10 +34,12 @@ from numpy.typing import NDArray
 from retarget.core import rotations
 from retarget.core.errors import FormatError, nearest
 from retarget.core.types import Array, JointTrajectory
-from retarget.formats import _trajectory
-from retarget.formats.base import Format
+from retarget.formats import _headerless, _trajectory
+from retarget.formats.base import Format, TrajectoryOptions
 
 Arrays = Mapping[str, NDArray[Any]]
+NOT_NEEDED = ("local_body_pos", "link_body_list")
+"""GMR's own extras, often None: an array of objects, which would need pickle."""
 
 
 def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str = "default") -> None:
@@ -70,19 +78,20 @@ def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str 
     )
 
 
-def read_trajectory(stream: BinaryIO, name: str, joint_names: Sequence[str] | None = None) -> JointTrajectory:
+def read_trajectory(stream: BinaryIO, name: str, options: TrajectoryOptions | None = None) -> JointTrajectory:
     """The trajectory in an NPZ file with these keys. Without `time`, frame k is at k / fps.
 
-    joint_names: of a file that doesn't hold them, in the order of its columns.
-
+    options: joint names, rate and quaternion order of files that don't have them.
     Raises `FormatError` for anything that is not such a file, among it arrays of pickled objects.
     """
-    arrays = _load(stream, name)
+    arrays, options = _load(stream, name), options or TrajectoryOptions()
+    if "dof_pos" in arrays and "joint_pos" not in arrays:
+        return _read_gmr(name, arrays, options)
     if "schema" in arrays:
         _trajectory.check_schema(name, _text(name, arrays, "schema", ""))
+        options = TrajectoryOptions()  # ours says everything
     position = _array(name, arrays, "joint_pos", 2)
-    if joint_names is None or "joint_names" in arrays:
-        joint_names = _texts(name, "joint_names", _array(name, arrays, "joint_names", 1, kinds="US"))
+    names, warnings = _joint_names(name, arrays, ("joint_names",), position.shape[1], options)
     body_position, body_orientation = (_array(name, arrays, key, 3) for key in ("body_pos_w", "body_quat_w"))
     linear, angular = (_array(name, arrays, key, 3) for key in ("body_lin_vel_w", "body_ang_vel_w"))
     if body_orientation.shape[1:] < (1, 4) or body_orientation.shape[2] != 4 or 0 in body_position.shape:
@@ -98,14 +107,16 @@ def read_trajectory(stream: BinaryIO, name: str, joint_names: Sequence[str] | No
     body_names = (
         _array(name, arrays, "body_names", 1, kinds="US") if "body_names" in arrays else np.array(["base_link"])
     )
+    quaternion = body_orientation[:, 0][:, _headerless.TO_WXYZ[options.quaternion_order or "wxyz"]]
     return _trajectory.build(
         name,
-        time=_time(name, arrays, len(position)),
-        joint_names=tuple(joint_names),
+        warnings,
+        time=_time(name, arrays, len(position), options),
+        joint_names=names,
         position=position,
         velocity=_array(name, arrays, "joint_vel", 2),
         base_position=None if fixed else body_position[:, 0],
-        base_orientation=None if fixed else _trajectory.unit_quaternions(name, "body_quat_w", body_orientation[:, 0]),
+        base_orientation=None if fixed else _trajectory.unit_quaternions(name, "body_quat_w", quaternion),
         base_linear_velocity=linear[:, 0] if known[0] else None,
         base_angular_velocity=angular[:, 0] if known[1] else None,
         status=_array(name, arrays, "status", 1) if "status" in arrays else np.zeros(0, np.int8),
@@ -116,10 +127,52 @@ def read_trajectory(stream: BinaryIO, name: str, joint_names: Sequence[str] | No
     )
 
 
+def _read_gmr(name: str, arrays: Arrays, options: TrajectoryOptions) -> JointTrajectory:
+    """The arrays of GMR's motion files."""
+    position, root = _array(name, arrays, "dof_pos", 2), _array(name, arrays, "root_pos", 2)
+    quaternion = _array(name, arrays, "root_rot", 2)
+    if quaternion.shape[1] != 4:
+        raise FormatError(name, f"found shape {quaternion.shape}", place="root_rot", expected="(T, 4)")
+    names, warnings = _joint_names(name, arrays, ("joint_names", "dof_names"), position.shape[1], options)
+    if options.quaternion_order is None:
+        warnings.append("root_rot taken as x y z w, as GMR saves it")
+    time = _time(name, arrays, len(position), options)
+    return _trajectory.build(
+        name,
+        [*warnings, "velocity missing: differentiated from the positions"],
+        time=time,
+        joint_names=names,
+        position=position,
+        velocity=_trajectory.differentiate(time, position),
+        base_position=root,
+        base_orientation=_trajectory.unit_quaternions(
+            name, "root_rot", quaternion[:, _headerless.TO_WXYZ[options.quaternion_order or "xyzw"]]
+        ),
+    )
+
+
+def _joint_names(
+    name: str, arrays: Arrays, keys: tuple[str, ...], joints: int, options: TrajectoryOptions
+) -> tuple[tuple[str, ...], list[str]]:
+    """(the file's joint names, else those that are given; warnings)."""
+    key = next((key for key in keys if key in arrays), None)
+    if key is not None:
+        return _texts(name, key, _array(name, arrays, key, 1, kinds="US")), []
+    if options.joint_names is None:
+        found = ", ".join(nearest(keys[0], arrays)) or ", ".join(sorted(arrays))
+        raise FormatError(
+            name,
+            f"no array '{keys[0]}'",
+            expected=f"it beside those found: {found}; or the robot named, and the order of its joints in the file",
+        )
+    _headerless.check_count(name, joints, options.joint_names)
+    return options.joint_names, ["the file names no joints: taken in the order given"]
+
+
 def _load(stream: BinaryIO, name: str) -> dict[str, NDArray[Any]]:
     try:
         with np.load(stream, allow_pickle=False) as archive:
-            return {key: archive[key] for key in archive.files}
+            return {key: archive[key] for key in archive.files if key not in NOT_NEEDED}
     # Damage surfaces as whatever zipfile, zlib or NumPy's header parser trips over: a dozen unrelated classes.
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -154,9 +207,11 @@ def _texts(name: str, key: str, values: NDArray[Any]) -> tuple[str, ...]:
         raise FormatError(name, "not Unicode text", place=key) from error
 
 
-def _time(name: str, arrays: Arrays, frames: int) -> Array:
+def _time(name: str, arrays: Arrays, frames: int, options: TrajectoryOptions) -> Array:
     if "time" in arrays:
         return _array(name, arrays, "time", 1).astype(float)
+    if "fps" not in arrays and options.rate_hz is not None:
+        return np.asarray(np.arange(frames) / options.rate_hz)
     if "fps" not in arrays:
         raise FormatError(name, "neither 'time' nor 'fps'", expected="one of them")
     fps = np.asarray(arrays["fps"])
@@ -167,7 +222,7 @@ def _time(name: str, arrays: Arrays, frames: int) -> Array:
 
 FORMAT = Format(
     name="npz",
-    description="NumPy archive with the keys of BeyondMimic's motion files",
+    description="NumPy archive with the keys of BeyondMimic's motion files; GMR's are read, too",
     suffixes=(".npz",),
     magic=(b"PK\x03\x04", b"PK\x05\x06"),
     read_trajectory=read_trajectory,
