@@ -71,8 +71,11 @@ GAINS = ("auto", "profile", "inertia")
     "a name a line. [default with --csv-style: urdf]",
 )
 @click.option(
-    "--rate", "rate_hz", type=o.Number("HZ", above=0), help="Frame rate of CSV without a header. [default: 30]"
+    "--quaternion-order",
+    type=click.Choice(["wxyz", "xyzw"]),
+    help="Of the base, in files that don't say. [default: xyzw in headerless CSV and GMR's npz, wxyz in BeyondMimic's]",
 )
+@click.option("--rate", "rate_hz", type=o.Number("HZ", above=0), help="Frame rate of files without times.")
 @click.option("--files-from", metavar="FILE|-", help="Read more inputs from this file, one a line.")
 @click.option("-0", "--null", "nul", is_flag=True, help="--files-from is separated by NUL, not by lines.")
 @click.option("-r", "--recursive", is_flag=True, help="Take all trajectories below folders.")

@@ -245,7 +245,7 @@ REFUSED: dict[str, tuple[list[str], int, str]] = {
     "missing file": (["wav.mcap"], 2, "wav.mcap: no such file; did you mean"),
     "empty": (["empty.mcap"], 1, "empty.mcap: empty file"),
     "recording": (["walk.mvnx"], 2, "walk.mvnx: mvnx holds recorded motion, not a robot trajectory"),
-    "pickle": (["gmr.pkl", "--robot", "g1"], 2, "a pickle can run any code and is never read; expected it saved as npz"),
+    "pickle": (["gmr.pkl", "--robot", "g1"], 1, "gmr.pkl: a pickle runs code of its author's when it is read, so it never is; expected"),
     "folder": (["sub"], 2, "sub: is a folder; -r judges all trajectories below it"),
     "unknown robot": (["wave.mcap", "--robot", "g2"], 2, "unknown robot 'g2'; did you mean g1"),
     "another robot": (["wave.mcap", "--robot", "icub"], 1, "robot 'icub'"),
@@ -261,10 +261,12 @@ REFUSED: dict[str, tuple[list[str], int, str]] = {
     "onto the input": (["wave.mcap", "--log", "x.h5", "--report", "wave.mcap.html", "--thresholds", "no.toml"], 2, "no.toml"),
     "two to view": (["wave.mcap", "sub/wave.mcap", "--view"], 2, "--view"),
     "headerless without robot": (["line.csv", "--csv-style", "unitree"], 2, "names no robot; give --robot"),
-    "headerless of other width": (["line.csv", "--csv-style", "unitree", "--robot", "g1"], 1, "9 numbers a line; expected 36"),
+    "headerless of other width": (
+        ["line.csv", "--csv-style", "unitree", "--robot", "g1", "--rate", "30"], 1, "found 7 columns of the root and 2 of joints; expected 29"),
+    "headerless without rate": (["line.csv", "--csv-style", "unitree", "--robot", "g1"], 2, "expected a rate in Hz"),
     "headerless unsaid": (["line.csv", "--robot", "g1"], 1, "without a header"),
     "joint order": (["line.csv", "--joint-order", "isac", "--robot", "g1"], 2, "--joint-order isac: no such file; expected urdf, isaac"),
-    "rate of a file with times": (["wave.mcap", "--rate", "50"], 2, "--rate is for files without times"),
+    "npz that names no joints": (["mimic.npz", "--robot", "g1"], 1, "no array 'joint_names'"),
 }  # fmt: skip
 
 
@@ -275,6 +277,12 @@ def test_a_bad_request_is_one_line(run: Run, wave: Path, walk: Path, tmp_path: P
     (tmp_path / "gmr.pkl").write_bytes(b"\x80\x04K\x01.")
     (tmp_path / "old.html").write_text("old")
     (tmp_path / "line.csv").write_text("0,0,1,0,0,0,1,0.1,0.2\n" * 3)
+    arrays = {
+        "joint_vel": np.zeros((3, 29)),
+        "body_pos_w": np.zeros((3, 1, 3)),
+        "body_quat_w": np.tile([1.0, 0, 0, 0], (3, 1, 1)),
+    }
+    np.savez(tmp_path / "mimic.npz", fps=[50], joint_pos=np.zeros((3, 29)), **arrays)
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub/wave.mcap").write_bytes(wave.read_bytes())
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
