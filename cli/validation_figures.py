@@ -38,7 +38,7 @@ class Curves:
 
     time: (K,) s. wanted: (K, n) rad; lower, upper: (n,) rad, the joints' ranges. actual: (K, n) rad and torque: (K, n) Nm, None without dynamics.
     rms_error, peak_error: (n,) rad, over all samples, not only the K that are drawn; None without dynamics. torque_limit: (n,) Nm, inf = none.
-    torque_ratio: (n,) greatest |torque| / limit over all samples.
+    torque_ratio: (n,) greatest |torque| / limit over all samples. sliding: (n,) bool; such joints have m and N for rad and Nm.
     strip_time: (C + 1,) s, edges of the strip's columns. problems: kind → (C, n) greatest value of each column over its limit;
     whole_body: row's name → (kind, (C,)) of the same, of what is no joint's own.
     """
@@ -55,8 +55,13 @@ class Curves:
     peak_error: Array | None = None
     torque_limit: Array = field(default_factory=lambda: np.zeros(0))
     torque_ratio: Array = field(default_factory=lambda: np.zeros(0))
+    sliding: tuple[bool, ...] = ()
     problems: Mapping[str, Array] = field(default_factory=dict)
     whole_body: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
+
+    def shown(self, joint: int) -> tuple[float, str]:
+        """(how many of its unit a rad or m is, the unit) of one joint in plots: degrees, or mm."""
+        return (1000.0, " mm") if self.sliding and self.sliding[joint] else (float(np.degrees(1.0)), "°")
 
 
 @styled
@@ -69,22 +74,23 @@ def tracking(curves: Sequence[Curves], labels: Sequence[str]) -> Figure | None:
     worst = np.argsort(-errors, kind="stable")[:SHOWN_JOINTS]
     figure, grid = _pairs(len(worst))
     for (above, below), joint in zip(grid, worst, strict=False):
+        scale, unit = driven[0][0].shown(joint)
         for number, (c, label) in enumerate(driven):
             assert c.actual is not None
             colour = CLIP_COLOURS[number % len(CLIP_COLOURS)]
-            above.plot(c.time, np.degrees(c.actual[:, joint]), color=colour, label=label)
+            above.plot(c.time, scale * c.actual[:, joint], color=colour, label=label)
             above.plot(
-                c.time, np.degrees(c.wanted[:, joint]), color=INK if len(driven) == 1 else colour, linestyle=(0, (3, 2))
+                c.time, scale * c.wanted[:, joint], color=INK if len(driven) == 1 else colour, linestyle=(0, (3, 2))
             )
-            below.plot(c.time, np.degrees(c.actual[:, joint] - c.wanted[:, joint]), color=colour, linewidth=0.8)
+            below.plot(c.time, scale * (c.actual[:, joint] - c.wanted[:, joint]), color=colour, linewidth=0.8)
         first = driven[0][0]
-        numbers = f"rms {_degrees(errors[joint])}"
+        numbers = f"rms {scale * errors[joint]:.2g}{unit}"
         if len(driven) == 1 and first.peak_error is not None:
-            numbers += f", peak {_degrees(first.peak_error[joint])}"
+            numbers += f", peak {scale * first.peak_error[joint]:.2g}{unit}"
         above.set_title(f"{first.joints[joint]}    {numbers}", pad=3)
         below.axhline(0, color=FAINT, linewidth=0.6, zorder=0)
         _finish(above, below, first.time)
-    grid[0][0].set_ylabel("angle / °")
+    grid[0][0].set_ylabel("angle / ° (sliding: mm)" if any(driven[0][0].sliding) else "angle / °")
     grid[0][1].set_ylabel("actual − wanted / °")
     handles = [Line2D([], [], color=INK, linestyle=(0, (3, 2)), label="wanted")]
     handles += [
@@ -105,8 +111,9 @@ def angles(curves: Curves) -> Figure:
     columns = min(3, len(worst))
     figure, axes = _figure(-(-len(worst) // columns), columns, row_in=1.5)
     for panel, joint in zip(axes, worst, strict=False):
-        low, high = np.degrees(curves.lower[joint]), np.degrees(curves.upper[joint])
-        angle = np.degrees(curves.wanted[:, joint])
+        scale, unit = curves.shown(joint)
+        low, high = scale * curves.lower[joint], scale * curves.upper[joint]
+        angle = scale * curves.wanted[:, joint]
         panel.plot(curves.time, angle, color=INK)
         for limit in (low, high):
             panel.axhline(limit, color=LIMIT, linewidth=0.9)
@@ -115,7 +122,7 @@ def angles(curves: Curves) -> Figure:
             min(angle.min(), max(low, angle.min() - reach)) - 0.06 * reach,
             max(angle.max(), min(high, angle.max() + reach)) + 0.06 * reach,
         )
-        panel.set_title(f"{curves.joints[joint]}    {low:.0f}° to {high:.0f}°", pad=3)
+        panel.set_title(f"{curves.joints[joint]}    {low:.0f}{unit} to {high:.0f}{unit}", pad=3)
         panel.set_xlim(*_span(curves.time))
         panel.grid(axis="y", color=FAINT, linewidth=0.5)
         panel.set_xlabel("time / s")
@@ -173,7 +180,7 @@ def error_map(curves: Curves) -> Figure | None:
     """Size of every joint's tracking error over time, as colour; None without dynamics."""
     if curves.actual is None:
         return None
-    error = np.degrees(np.abs(curves.wanted - curves.actual))
+    error = np.abs(curves.wanted - curves.actual) * [curves.shown(joint)[0] for joint in range(len(curves.joints))]
     step = max(1, len(error) // STRIP_COLUMNS)
     pooled = np.maximum.reduceat(error, np.arange(0, len(error), step), axis=0)
     figure = Figure(figsize=(WIDTH_IN, 0.9 + 0.14 * len(curves.joints)), layout="constrained")
@@ -190,7 +197,7 @@ def error_map(curves: Curves) -> Figure | None:
     axes.set_yticks(range(len(curves.joints)), curves.joints, fontsize=6)
     axes.set_xlabel("time / s")
     bar = figure.colorbar(image, ax=axes, pad=0.01, fraction=0.03)
-    bar.set_label("|actual − wanted| / °")
+    bar.set_label("|actual − wanted| / ° (sliding: mm)" if any(curves.sliding) else "|actual − wanted| / °")
     bar.outline.set_visible(False)
     return figure
 
@@ -297,7 +304,3 @@ def _legend(figure: Figure, handles: Sequence[Line2D]) -> None:
 
 def _span(time: Array) -> tuple[float, float]:
     return float(time[0]), float(time[-1]) if len(time) > 1 else float(time[0]) + 1
-
-
-def _degrees(angle_rad: float) -> str:
-    return f"{np.degrees(angle_rad):.2g}°"

@@ -86,6 +86,7 @@ def curves_of(
         else:
             places[place] = (PLACES.get(place, FEET), pooled)
     common: dict[str, Any] = {"joints": joints, "lower": model.lower, "upper": model.upper, "strip_time": edges}
+    common["sliding"] = _sliding(model)
     if "fixed" not in reports:
         keep = thinned(trajectory.frames)
         return Curves(
@@ -128,6 +129,14 @@ def _errors(series: Mapping[str, Array], joints: tuple[str, ...]) -> Array:
         unit = _unit(series, joint)
         columns.append(series[f"joint_error_{unit}/{joint}"] / SCALE[unit])
     return np.stack(columns, axis=1)
+
+
+def _sliding(model: RobotModel) -> tuple[bool, ...]:
+    """(n,) which joints slide: pinocchio's prismatic ones, all others turn."""
+    pin_model = model.pin_model
+    first = pin_model.njoints - len(model.joint_names)
+    kinds = [str(pin_model.joints[first + i].shortname()) for i in range(len(model.joint_names))]
+    return tuple(kind.removeprefix("JointModel").startswith("P") for kind in kinds)
 
 
 def _column(facts: Mapping[str, Any], joints: tuple[str, ...], keys: Sequence[str], unknown: float = np.nan) -> Array:

@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 from click.testing import Result
 from retarget import formats, robots
+from retarget.cli import validate as command
 from retarget.core.replay import match
+from retarget.core.replay.gains import GAIN_SOURCES
 from retarget.core.replay.thresholds import TABLE
 from retarget.core.robot_model import RobotModel, build
 from retarget.core.types import JointTrajectory
@@ -80,6 +82,14 @@ def test_a_motion_within_all_limits_passes(run: Run, wave: Path) -> None:
         if not row.name.endswith("_mm") or mode == "kinematic"
     ]
     assert all(set(check) >= {"name", "value", "unit", "limit", "passed", "note"} for check in record["checks"])
+
+
+def test_choices_are_those_of_the_replay() -> None:
+    """--help asks nobody, so these could fall behind."""
+    assert tuple(TABLE) == command.MODES
+    assert command.GAINS == GAIN_SOURCES
+    names = next(p for p in command.validate.params if p.name == "joint_order").metavar
+    assert names == "|".join([*match.ORDERS, "FILE"])
 
 
 def test_kinematic_mode_runs_no_dynamics(run: Run, wave: Path) -> None:

@@ -190,6 +190,29 @@ def test_the_strip_colours_the_joint_and_the_time_of_the_problem() -> None:
     assert plots.worst_problem(replace(drawn, problems={})) is None
 
 
+def test_sliding_joints_are_drawn_in_millimetres() -> None:
+    sliding = replace(curves(), sliding=(False, True, False, False))
+    figure = plots.tracking([sliding], ["walk"])
+    assert figure is not None
+    assert figure.axes[0].get_title(loc="left").endswith("peak 35 mm")
+    assert np.max(figure.axes[1].get_lines()[0].get_ydata()) == pytest.approx(1000 * np.radians(2.0))
+
+
+def test_a_single_frame_has_a_page() -> None:
+    full = curves()
+    edges, _ = plots.strip_edges(full.time[:1])
+    one = Curves(
+        full.joints,
+        full.time[:1],
+        full.wanted[:1],
+        full.lower,
+        full.upper,
+        edges,
+        problems={"motion": np.full((1, 4), 2.0)},
+    )
+    check_self_contained(validation_page.page([Section("one", {**record(), "mode": "kinematic"}, one)]))
+
+
 def test_without_dynamics_angles_stand_for_tracking(section: Section) -> None:
     still = replace(section.curves, actual=None, torque=None, rms_error=None, peak_error=None)
     page = check_self_contained(validation_page.page([replace(section, curves=still)]))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 from retarget.core.errors import UsageError
-from retarget.core.replay.pictures import Painter
+from retarget.core.replay.pictures import Painter, show
 
 SIZE = (120, 90)
 
@@ -53,3 +54,51 @@ def test_the_person_stands_left_of_the_robot_on_the_same_height() -> None:
     assert dark.any()
     assert np.nonzero(dark)[1].max() < np.nonzero(robot)[1].min()
     assert abs(np.nonzero(dark)[0].max() - np.nonzero(robot)[0].max()) < 0.1 * SIZE[1]
+
+
+class Viewer:
+    """Stands in for MuJoCo's window: open for `frames` pictures, and remembers what was shown."""
+
+    def __init__(self, data: Any, frames: int) -> None:
+        self.data, self.left, self.shown = data, frames, []
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def lock(self) -> Any:
+        return contextlib.nullcontext()
+
+    def is_running(self) -> bool:
+        self.left -= 1
+        return self.left >= 0
+
+    def sync(self) -> None:
+        self.shown.append((self.data.time, self.data.qpos[0]))
+
+
+def test_the_window_replays_in_real_time_and_starts_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    import time as clock
+
+    import mujoco.viewer
+
+    windows = []
+
+    def launch(_model: Any, data: Any) -> Viewer:
+        windows.append(Viewer(data, 60))
+        return windows[0]
+
+    now = [100.0]
+    monkeypatch.setattr(mujoco.viewer, "launch_passive", launch)
+    monkeypatch.setattr(clock, "monotonic", lambda: now[0])
+    monkeypatch.setattr(clock, "sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
+    model = mujoco.MjModel.from_xml_string(BOX)
+    time = 5.0 + np.arange(48) / 100
+    postures = np.tile([0.0, 0, 0, 1, 0, 0, 0], (48, 1))
+    postures[:, 0] = np.arange(48)
+    show(model, time, postures)
+    shown = np.array(windows[0].shown)
+    expected = 5.0 + (np.arange(60) / 60) % 0.47
+    np.testing.assert_allclose(shown[:, 0], expected, atol=1e-6)
+    assert np.abs(shown[:, 1] - 100 * (expected - 5.0)).max() <= 1.0 + 1e-6
