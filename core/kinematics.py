@@ -101,7 +101,7 @@ def axis_frames(model: RobotModel) -> dict[int, AxisFrame]:
     pin_model, first = model.pin_model, model.pin_model.nv - len(model.joint_names)
     data = pin_model.createData()
     pin.computeJointJacobians(pin_model, data, pin.neutral(pin_model))
-    jacobian = np.reshape(data.J, (6, -1))  # pinocchio hands a single column over as a vector
+    jacobian = np.reshape(data.J, (6, -1))  # of a single joint pinocchio gives (6,)
     frames: dict[int, AxisFrame] = {}
     for i in range(1, pin_model.njoints):
         if pin_model.joints[i].nv != 1:

@@ -110,8 +110,9 @@ def _axes_between(model: Any, data: Any, profile: RobotProfile, above: str | Non
             profile.origin or profile.name, f"no joint lies between links '{above}' and '{below}'", place="[links]",
             expected="links that follow each other in the tree, outward",
         )  # fmt: skip
+    jacobian = np.reshape(data.J, (6, -1))  # of a single joint pinocchio gives (6,)
     return [
-        _Axis(i, np.array(data.oMi[i].translation), np.array(data.J[3:, model.joints[i].idx_v])) for i in reversed(path)
+        _Axis(i, np.array(data.oMi[i].translation), jacobian[3:, model.joints[i].idx_v].copy()) for i in reversed(path)
     ]
 
 

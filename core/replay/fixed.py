@@ -49,11 +49,11 @@ def replay(
     """Follow `trajectory` with `model`, built on a fixed base, and report how well it went (mode "fixed").
 
     log: gets every control step's signals, some thousand at a time, in order; `Signals.joined` makes one of them.
-    series: "time" (B,) s, "power_w" (B,), and per joint "joint_error_deg/<joint>" (B,), "torque_nm/<joint>" (B,), of each run of steps the value of
-    the largest size. Sliding joints: "joint_error_mm/<joint>", and N for Nm.
-    facts: "options", "control_rate_hz", "duration_s", "base", and "joints": joint → its errors, torques, limit (None where unknown) and gains.
-    Raises `InvalidDataError` and `UnknownNameError` for joints that don't fit the robot, `MotionError` for less than one control step, `UsageError`
-    for options that contradict the model.
+    series, (B,) each: "time" in s; per joint "reference_deg/<joint>" and "position_deg/<joint>" at that time; "joint_error_deg/<joint>",
+    "torque_nm/<joint>", and "power_w", of the steps from there to the next time the value of the largest size. Sliding joints: mm for deg, N for Nm.
+    facts: "options", "control_rate_hz", "duration_s", "base", "model_warnings", and "joints": joint → its errors, torques, limit (None where unknown) and gains.
+    Raises `InvalidDataError` for joints that don't fit the robot, `MotionError` for less than one control step, `UsageError` for options that
+    contradict the model.
     """
     options, thresholds = options or FixedOptions(), thresholds or Thresholds("fixed")
     if thresholds.mode != "fixed":
@@ -177,12 +177,14 @@ def _turning(model: ReplayModel) -> BoolArray:
 
 
 def _series(model: ReplayModel, measures: FixedMeasures) -> dict[str, Array]:
-    time, error, torque, power = measures.points()
-    series = {"time": time, "power_w": power}
+    points = measures.points()
+    series = {"time": points.time, "power_w": points.power}
     for i, (name, turns) in enumerate(zip(model.robot.joint_names, _turning(model), strict=True)):
         unit, scale = ("deg", np.degrees(1.0)) if turns else ("mm", 1e3)
-        series[f"joint_error_{unit}/{name}"] = error[:, i] * scale
-        series[f"torque_nm/{name}"] = torque[:, i]
+        series[f"reference_{unit}/{name}"] = points.reference[:, i] * scale
+        series[f"position_{unit}/{name}"] = points.position[:, i] * scale
+        series[f"joint_error_{unit}/{name}"] = points.error[:, i] * scale
+        series[f"torque_nm/{name}"] = points.torque[:, i]
     return series
 
 
@@ -215,5 +217,6 @@ def _facts(
         "control_rate_hz": CONTROL_RATE_HZ,
         "duration_s": float(trajectory.time[-1] - trajectory.time[0]),
         "base": base,
+        "model_warnings": list(model.warnings),
         "joints": joints,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -63,7 +64,8 @@ class FixedMeasures:
         if power[strongest] > self.peak_power_w:
             self.peak_power_w, self.peak_power_s = float(power[strongest]), float(t[strongest])
         largest = [_largest(values, self._bin) for values in (error, torque, power[:, None])]
-        self._points.append((t[:: self._bin], *largest))
+        now = (signals.reference[:: self._bin], signals.position[:: self._bin])
+        self._points.append((t[:: self._bin], *now, *largest))
         self._balance.add(signals)
 
     @property
@@ -96,13 +98,29 @@ class FixedMeasures:
         """(energy that came from nowhere or went nowhere, work that the motors gave or took in all), J."""
         return self._balance.result()
 
-    def points(self) -> tuple[Array, Array, Array, Array]:
-        """Time (B,) s, error (B, n), torque (B, n) and power (B,): of each run of steps the value of the largest size, with its sign."""
+    def points(self) -> Points:
+        """The series so far."""
         if not self._points:
-            n = len(self.limit)
-            return np.zeros(0), np.zeros((0, n)), np.zeros((0, n)), np.zeros(0)
-        time, error, torque, power = (np.concatenate(column) for column in zip(*self._points, strict=True))
-        return time, error, torque, power[:, 0]
+            nothing = np.zeros((0, len(self.limit)))
+            return Points(np.zeros(0), nothing, nothing, nothing, nothing, np.zeros(0))
+        time, reference, position, error, torque, power = (np.concatenate(c) for c in zip(*self._points, strict=True))
+        return Points(time, reference, position, error, torque, power[:, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """One row for each run of some control steps: B rows, n joints.
+
+    time: (B,) s, of the run's first step. reference, position: (B, n) at that time. error, torque, power: (B, n), (B, n), (B,), of the run's
+    steps the value of the largest size, with its sign, so that no peak is lost.
+    """
+
+    time: Array
+    reference: Array
+    position: Array
+    error: Array
+    torque: Array
+    power: Array
 
 
 class EnergyBalance:

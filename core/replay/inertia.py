@@ -54,6 +54,8 @@ def link_inertia(mass: float, tensor: Array, axis: Array | None) -> LinkInertia:
     second = axes @ np.diag(np.maximum(moments, least)) @ axes.T
     nearest = np.trace(second) * np.eye(3) - second
     repaired = np.linalg.norm(nearest - symmetric) > REPAIRED_SHARE * np.linalg.norm(symmetric)
+    if axis is not None and rotor > 0:
+        rotor = max(0.0, rotor + float(axis @ (symmetric - nearest) @ axis))
     return LinkInertia(mass, nearest, rotor, bool(repaired))
 
 

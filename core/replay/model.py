@@ -27,6 +27,8 @@ LARGEST_EFFORT = 2000.0
 SMALLEST_ARMATURE, ARMATURE_SHARE = 0.005, 0.05
 """kg m², and share of the inertia that the joint moves: stands in for the rotor, which URDF has no word for."""
 MASS_TOLERANCE = 1e-6
+LEFT_OUT = "left_out"
+"""Text in the compiled model: a warning that only those get to see who read the meshes, and not from the cache."""
 
 Base = Literal["fixed", "floating"]
 
@@ -38,7 +40,7 @@ class ReplayModel:
     mj: `mujoco.MjModel`. qpos, qvel, actuators: (n,) addresses of each joint's position, velocity and motor. base_qpos, base_qvel: first of the
     base's 7 and 6 (position and quaternion wxyz; linear velocity in the world, angular in the body), None where it stands still.
     torque_limit_nm: (n,), inf where unknown. armature: (n,) kg m², part of MuJoCo's own mass
-    matrix. friction_nm, damping_nms_rad: (n,), the URDF's.
+    matrix. friction_nm, damping_nms_rad: (n,), the URDF's, placeholders left out.
     self_collision: whether the robot's shapes meet each other. excluded: pairs of bodies whose shapes are not judged against each other;
     touching: those of them that are no neighbours, but overlap in the reference posture. body_of_link: link → id of the body that carries it.
     repaired: links whose inertia no rigid body can have. warnings: what had to be left out, for the user.
@@ -106,12 +108,19 @@ def build(
     key = model_cache.key_of([model.urdf, settings, *places, *(n.tobytes() for n in numbers), *contents.values()])
     mj = model_cache.load(folder, key)
     if mj is None:
-        shapes, meshes = _read_meshes(model, shapes, contents)
+        kept, meshes = _read_meshes(model, shapes, contents)
         spec = make_spec(
-            model, shapes, meshes, inertias, base=base, base_height_m=height, floor=floor, armature=armature, torque_limit=limit
+            model, kept, meshes, inertias, base=base, base_height_m=height, floor=floor, armature=armature, torque_limit=limit
         )  # fmt: skip
+        if flat := [shape.link for shape in shapes if shape not in kept]:
+            more = ", …" if len(flat) > 1 else ""
+            spec.add_text(
+                name=LEFT_OUT, data=f"{len(flat)} × flat mesh, which has no solid (collision): {flat[0]}{more}"
+            )
         mj = _compiled(model, spec, self_collision=self_collision)
         model_cache.store(folder, key, mj)
+    if mj.ntext:
+        warnings.append(bytes(mj.text_data).rstrip(b"\0").decode())
     return _checked(model, mj, base, inertias, warnings)
 
 
@@ -129,7 +138,8 @@ def moved_inertia(model: RobotModel) -> Array:
 
     data = model.pin_model.createData()
     matrix = pin.crba(model.pin_model, data, model.configuration(model.reference_posture))
-    return np.array(np.diag(matrix)[-len(model.joint_names) :])
+    n = model.pin_model.nv  # of a single joint pinocchio gives (1,)
+    return np.array(np.diag(np.reshape(matrix, (n, n)))[-len(model.joint_names) :])
 
 
 def _armature(model: RobotModel, inertias: Mapping[int, LinkInertia]) -> Array:
@@ -165,13 +175,13 @@ def _contents(model: RobotModel, shapes: Sequence[Shape]) -> dict[Path, bytes]:
 def _read_meshes(
     model: RobotModel, shapes: Sequence[Shape], contents: Mapping[Path, bytes]
 ) -> tuple[list[Shape], dict[Path, Mesh]]:
-    """Shapes that have a body, and the meshes they need. Flat ones, which have none, are left out where they are meant to collide."""
+    """Shapes that can be simulated, and all meshes. A sheet has no convex hull: it can be seen, but not collide."""
     try:
         meshes = {path: read_mesh(path, content) for path, content in contents.items()}
     except FormatError as error:
         raise ProfileError(model.profile.origin or model.profile.name, str(error), place="[model]") from None
     flat = {path for path, mesh in meshes.items() if mesh.is_flat}
-    return [shape for shape in shapes if shape.mesh not in flat], meshes
+    return [shape for shape in shapes if not (shape.solid and shape.mesh in flat)], meshes
 
 
 def _compiled(model: RobotModel, spec: Any, *, self_collision: bool) -> Any:

@@ -12,8 +12,8 @@ from typing import Any
 
 import mujoco
 
-VERSION = 1
-"""Raised whenever the same input makes another model."""
+LARGEST_FOLDER_BYTES = 1_000_000_000
+"""Beyond it the models that were not used for longest are deleted."""
 
 
 def default_folder() -> Path | None:
@@ -38,9 +38,10 @@ def _is_private(folder: Path) -> bool:
 
 
 def key_of(parts: Iterable[bytes | str]) -> str:
-    """Hash of everything that decides what the model is, MuJoCo's version included."""
+    """Hash of everything that decides what the model is: `parts`, MuJoCo's version and the code of this folder."""
     digest = hashlib.sha256()
-    for part in (str(VERSION), mujoco.__version__, *parts):
+    code = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))]
+    for part in (mujoco.__version__, *code, *parts):
         raw = part.encode() if isinstance(part, str) else part
         digest.update(len(raw).to_bytes(8, "little"))
         digest.update(raw)
@@ -53,9 +54,12 @@ def load(folder: Path | None, key: str) -> Any | None:
     if path is None or not path.is_file():
         return None
     try:
-        return mujoco.MjModel.from_binary_path(str(path))
+        model = mujoco.MjModel.from_binary_path(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError):
         return None
+    with contextlib.suppress(OSError):
+        os.utime(path)
+    return model
 
 
 def store(folder: Path | None, key: str, mj: Any) -> None:
@@ -70,6 +74,16 @@ def store(folder: Path | None, key: str, mj: Any) -> None:
         temporary = Path(name)
         mujoco.mj_saveModel(mj, name, None)
         temporary.replace(folder / f"{key}.mjb")
+        _make_room(folder, folder / f"{key}.mjb")
     except (OSError, RuntimeError, ValueError, mujoco.FatalError):
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+def _make_room(folder: Path, keep: Path) -> None:
+    models = sorted(((path.stat(), path) for path in folder.glob("*.mjb")), key=lambda item: -item[0].st_mtime)
+    total = 0
+    for status, path in models:
+        total += status.st_size
+        if total > LARGEST_FOLDER_BYTES and path != keep:
+            path.unlink(missing_ok=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from retarget.core.errors import InvalidDataError, MotionError, UnknownNameError
+from retarget.core.errors import MotionError
+from retarget.core.replay.match import matched
 from retarget.core.replay.spline import CubicSpline
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array, JointTrajectory
@@ -29,9 +30,9 @@ class Reference:
         """The cubic spline through the trajectory's positions, looked at `rate_hz` times a second.
 
         Velocities that the file states are not used: positions and velocities that contradict each other would ask for two motions.
-        Raises `MotionError` for a trajectory that is shorter than one control step, and what `positions_in_order` raises.
+        Raises `MotionError` for a trajectory that is shorter than one control step, and what `match.matched` raises.
         """
-        positions = positions_in_order(trajectory, robot)
+        positions = matched(trajectory, robot).position
         duration = float(trajectory.time[-1] - trajectory.time[0])
         steps = int(np.floor(duration * rate_hz + 1e-6))
         if steps < 1:
@@ -52,20 +53,3 @@ class Reference:
 
     def _elapsed(self, first: int, stop: int) -> Array:
         return np.asarray(self.step_s * np.arange(first, stop), np.float64)
-
-
-def positions_in_order(trajectory: JointTrajectory, robot: RobotModel) -> Array:
-    """The trajectory's positions (T, n) in the robot's own joint order.
-
-    Raises `InvalidDataError` for a joint that the trajectory lacks, `UnknownNameError` for one that the robot lacks.
-    """
-    for name in trajectory.joint_names:
-        if name not in robot.joint_names:
-            raise UnknownNameError(f"joint of robot '{robot.profile.name}'", name, robot.joint_names)
-    missing = [name for name in robot.joint_names if name not in trajectory.joint_names]
-    if missing:
-        raise InvalidDataError(
-            f"the trajectory has no joint '{missing[0]}' ({len(missing)} of {len(robot.joint_names)} of robot "
-            f"'{robot.profile.name}' are missing); it has {', '.join(trajectory.joint_names)}"
-        )
-    return trajectory.position[:, [trajectory.joint_names.index(name) for name in robot.joint_names]]

@@ -176,8 +176,9 @@ def _add_shapes(
 
 def _add_mesh(spec: Any, name: str, mesh: Mesh, *, hull: bool) -> None:
     """Of a mesh that collides only the convex hull counts: MuJoCo makes it where no triangles are given."""
-    added = spec.add_mesh(
-        name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX, uservert=mesh.vertices.ravel()
-    )
+    # Inertia is asked of a mesh even where its body states its own; a sheet, which can only be seen, has one as a shell.
+    kind = mujoco.mjtMeshInertia
+    inertia = kind.mjMESH_INERTIA_CONVEX if hull else kind.mjMESH_INERTIA_SHELL
+    added = spec.add_mesh(name=name, inertia=inertia, uservert=mesh.vertices.ravel())
     if not hull:
         added.userface = mesh.faces.ravel()

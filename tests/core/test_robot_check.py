@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,18 @@ import pinocchio as pin
 import pytest
 from retarget import robots
 from retarget.core import robot_model
-from retarget.core.profile import Arm, CoupledJoints, Foot, Hand, JointLimit, RobotProfile, TposeException
+from retarget.core.profile import (
+    Arm,
+    CoupledJoints,
+    Foot,
+    Hand,
+    JointLimit,
+    ModelSource,
+    RobotProfile,
+    TposeException,
+)
 from retarget.core.robot_check import check, tpose
+from retarget.core.robot_urdf import read_urdf
 from retarget.core.types import Check, HumanMotion, ValidationReport
 
 G1 = robots.load("g1")
@@ -253,3 +264,36 @@ def test_the_person_is_held_against_its_own_bones(make_motion: Callable[..., Hum
     offsets = {**motion.joint_offsets, "LeftHand": 0.25 * np.array([np.sin(0.05), np.cos(0.05), 0.0])}
     model = robot_model.build(robots.load("human"), replace(motion, joint_offsets=offsets))
     assert entry(check(model), "T-pose LeftForeArm direction").value == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_simulation_model_is_checked() -> None:
+    found = report(G1)
+    assert entry(found, "simulated mass off").passed
+    assert entry(found, "simulated degrees of freedom off").value == 0.0
+    assert entry(found, "links with an inertia that no body can have").value == 0.0
+
+
+def test_links_that_touch_in_the_reference_posture_fail() -> None:
+    """Forearms folded back onto the upper arms, hands in the chest."""
+    posture = {"left_shoulder_yaw_joint": -1.5, "left_elbow_joint": 0.0, "left_shoulder_pitch_joint": 0.0}
+    found = failed(report(G1, reference_posture=posture))
+    check = found["pairs of links touching in the reference posture"]
+    assert check.value >= 1
+    assert "torso_link" in check.note
+    assert "left_wrist" in check.note
+
+
+def test_shapes_that_are_not_there_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_bytes(read_urdf(G1))
+    found = report(G1, model=ModelSource("file", str(path)))
+    check = entry(found, "shapes left out")
+    assert check.passed is None
+    assert check.note.startswith("24 × mesh not found (collision): package://")
+
+
+def test_a_model_that_cannot_be_simulated_fails_with_the_reason(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_bytes(re.sub(rb'<mesh filename="[^"]*"', b'<mesh filename="bad.stl"', read_urdf(G1)))
+    (tmp_path / "bad.stl").write_bytes(b"nothing")
+    assert "bad.stl" in failed(report(G1, model=ModelSource("file", str(path))))["simulation model"].note

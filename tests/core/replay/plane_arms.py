@@ -39,6 +39,7 @@ def arm(
     effort: float = 500.0,
     limits: tuple[tuple[float, float], ...] = ((-3.0, 3.0), (-3.0, 3.0)),
     torque: TorqueControl | None = None,
+    kind: str = "revolute",
 ) -> ReplayModel:
     """The first `joints` of joint0 and joint1 on a fixed base, in MuJoCo; its URDF and the compiled model land in `folder`."""
     parts = ['<robot name="arm"><link name="base"/>']
@@ -48,7 +49,7 @@ def arm(
         parts.append(
             f'<link name="link{i}"><inertial><origin xyz="0 0 {-link.centre}"/><mass value="{link.mass}"/><inertia '
             f'ixx="{link.inertia}" iyy="{link.inertia}" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-            f'<joint name="joint{i}" type="revolute"><parent link="{parent}"/><child link="link{i}"/>'
+            f'<joint name="joint{i}" type="{kind}"><parent link="{parent}"/><child link="link{i}"/>'
             f'<origin xyz="0 0 {height}"/><axis xyz="0 1 0"/><dynamics damping="{damping}" friction="{friction}"/>'
             f'<limit lower="{lower}" upper="{upper}" effort="{effort}" velocity="20"/></joint>'
         )

@@ -140,3 +140,15 @@ def test_halving_g1s_torque_limits_is_seen(
     check = halved.check("torque_saturation_percent")
     assert check.passed is False
     assert check.where.replace("left", "right") == ratio.where.replace("left", "right")
+
+
+def test_damping_that_would_eat_the_motors_torque_is_a_placeholder(model_of: Callable[[str], ReplayModel]) -> None:
+    """iCub's description gives 1 Nms/rad to all joints: a hip of 84 Nm at 10 rad/s can have that, a wrist of 0.45 Nm can't."""
+    icub, talos = model_of("icub"), model_of("talos")
+    damping = dict(zip(icub.robot.joint_names, icub.damping_nms_rad, strict=True))
+    assert damping["l_hip_pitch"] == damping["r_ankle_roll"] == 1.0
+    assert {name for name, value in damping.items() if value == 0} == {
+        f"{side}_wrist_{axis}" for side in "lr" for axis in ("prosup", "pitch", "yaw")
+    }
+    arms = [name.startswith("arm_") for name in talos.robot.joint_names]
+    assert (talos.damping_nms_rad[arms] == 1.0).all()
