@@ -19,6 +19,7 @@ from retarget.core.errors import RetargetError, UnknownNameError
 
 COMMANDS = {
     "convert": "Turn recordings into robot joint trajectories.",
+    "validate": "Replay trajectories in physics and give a verdict.",
     "calibrate": "Make an operator's calibration of recordings of three poses.",
     "compare": "Compare hand mappings by the experiments of Lim et al. 2022.",
     "info": "Say what is in a recording or a trajectory.",
@@ -34,6 +35,7 @@ HELP = """Recorded human motion to robot joint trajectories that stay inside the
   retarget demo
   retarget convert walk.mvnx --robot icub -o walk.mcap
   retarget convert *.mvnx --robot g1 -o 'out/{robot}/{stem}.mcap' --jobs 4
+  retarget validate walk.mcap --report walk.html
 
 Data goes to stdout, everything else to stderr. Exit codes: 0 done, 1 a clip failed, 2 usage, 3 a check failed,
 130 interrupted.

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from retarget.core.errors import UnknownNameError, UsageError, nearest
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 PLACEHOLDERS = ("stem", "robot", "mapping", "format")
 PIPE = "-"
+KINDS = {"motion": ("recordings", "converts"), "trajectory": ("trajectories", "judges")}
 
 
 @dataclass(frozen=True)
@@ -47,37 +48,43 @@ class Clip:
 
 
 def collect_inputs(
-    inputs: Sequence[str], files_from: str | None, *, nul: bool, recursive: bool, logs: bool = False
+    inputs: Sequence[str],
+    files_from: str | None,
+    *,
+    nul: bool,
+    recursive: bool,
+    kind: Literal["motion", "trajectory"] = "motion",
+    logs: bool = False,
 ) -> list[str]:
-    """Paths of all recordings named, listed in `files_from`, or found below folders. Raises `UsageError` for what isn't there.
+    """Paths of all files of this kind named, listed in `files_from`, or found below folders. Raises `UsageError` for what isn't there.
 
     logs: whether tracker logs below folders are wanted, too; every other CSV has their suffix.
     """
     from retarget import formats
 
+    what, verb = KINDS[kind]
     named = list(inputs) + (_listed(files_from, nul=nul) if files_from else [])
     if nul and not files_from:
         raise UsageError("-0 says how --files-from is separated; give --files-from too")
     if not named:
-        raise UsageError("no input; give recordings, or --files-from")
+        raise UsageError(f"no input; give {what}, or --files-from")
     if named.count(PIPE) > 1 or (PIPE in named and files_from == PIPE):
         raise UsageError("stdin ('-') can be read only once")
-    suffixes = tuple(
-        suffix
+    readable = [
+        format_
         for format_ in formats.available().values()
-        if format_.read_motion or (logs and format_.read_trackers)
-        for suffix in format_.suffixes
-        if suffix != ".txt"
-    )
+        if getattr(format_, f"read_{kind}") is not None or (logs and format_.read_trackers is not None)
+    ]
+    suffixes = tuple(suffix for format_ in readable for suffix in format_.suffixes if suffix != ".txt")
     found: list[str] = []
     for name in named:
         if name == PIPE or not Path(name).is_dir():
             _check_input(name)
             found.append(name)
         elif recursive:
-            found += _below(name, suffixes)
+            found += _below(name, suffixes, what)
         else:
-            raise UsageError(f"{name}: is a folder; -r converts all recordings below it")
+            raise UsageError(f"{name}: is a folder; -r {verb} all {what} below it")
     return found
 
 
@@ -240,13 +247,13 @@ def _similar(path: Path) -> str:
     return f"; did you mean {' or '.join(str(path.with_name(name)) for name in near)}?" if near else ""
 
 
-def _below(folder: str, suffixes: tuple[str, ...]) -> list[str]:
+def _below(folder: str, suffixes: tuple[str, ...], what: str) -> list[str]:
     found = []
     for base, folders, names in os.walk(folder):
         folders.sort()
         found += [str(Path(base) / name) for name in sorted(names) if name.lower().endswith(suffixes)]
     if not found:
-        raise UsageError(f"{folder}: no recordings below this folder; looked for {', '.join(suffixes)}")
+        raise UsageError(f"{folder}: no {what} below this folder; looked for {', '.join(suffixes)}")
     return found
 
 

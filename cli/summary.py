@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 Record = Mapping[str, Any]
+UNLIMITED = "reported only: no limit set"
 
 
 def clip_line(record: Record) -> str:
@@ -58,6 +60,30 @@ def degrees(statistics: Mapping[str, float | None] | None, key: str) -> str:
     """A statistic as text: "1.23°", or "–" where there is none."""
     value = statistics[key] if statistics else None
     return "–" if value is None else f"{value:.2f}°"
+
+
+def number(value: float | None) -> str:
+    """A number as text: three significant digits, "–" for none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def measured(check: Record) -> str:
+    """A check's value with its unit; "–" where none could be measured."""
+    return "–" if check["value"] is None else f"{number(check['value'])} {check['unit']}".rstrip()
+
+
+def verdict(check: Record) -> str:
+    """What a check says: "ok", "FAILED", "reported" for a value without a limit, "not made" without a value."""
+    if check["passed"] is None:
+        return "not made" if check["value"] is None else "reported"
+    return "ok" if check["passed"] else "FAILED"
+
+
+def remark(check: Record) -> str:
+    """A check's note, without what its verdict says already."""
+    return str(check["note"]).removesuffix(UNLIMITED).removesuffix("; ")
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:

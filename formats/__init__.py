@@ -15,10 +15,12 @@ from retarget.formats._describe import motion_facts, trajectory_facts
 from retarget.formats._input import Input, opened
 from retarget.formats._output import write_trajectory, write_trajectory_stream
 from retarget.formats._registry import available, detect, get, names
+from retarget.formats._replay_log import ReplayLog
 from retarget.formats.base import Format, TrackerOptions, TrajectoryOptions
 
 __all__ = [
     "Format",
+    "ReplayLog",
     "TrackerOptions",
     "TrajectoryOptions",
     "available",

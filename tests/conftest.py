@@ -11,6 +11,7 @@ import hypothesis
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from retarget.cli.video import choose_opengl
 from retarget.core import rotations
 from retarget.core.segments import PARENT
 from retarget.core.types import Array, HumanMotion
@@ -18,6 +19,9 @@ from retarget.core.types import Array, HumanMotion
 # How long an example takes says nothing about whether it is right, least of all on a busy machine.
 hypothesis.settings.register_profile("untimed", deadline=None)
 hypothesis.settings.load_profile("untimed")
+
+# mujoco decides when it is first imported, by whichever test that is.
+choose_opengl()
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

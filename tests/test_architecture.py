@@ -27,7 +27,14 @@ MAY_IMPORT: dict[str, dict[str, set[str] | None]] = {
     "samples": {"core": CORE_FOR_FILES},
 }
 
-ONLY_IN = {"click": {"cli"}, "matplotlib": {"cli"}, "h5py": {"formats"}, "mcap": {"formats"}, "rosbags": {"formats"}}
+ONLY_IN = {
+    "click": {"cli"},
+    "matplotlib": {"cli"},
+    "av": {"cli"},
+    "h5py": {"formats"},
+    "mcap": {"formats"},
+    "rosbags": {"formats"},
+}
 HEAVY = {"pinocchio", "placo", "mujoco", "h5py", "rosbags", "mcap", "matplotlib", "numba", "scipy", "daqp"}
 HEAVY_AT_LOAD = (
     "core.solve.",
@@ -38,6 +45,9 @@ HEAVY_AT_LOAD = (
     "cli.report_page",
     "cli.comparison_figures",
     "cli.comparison_page",
+    "cli.validation_figures",
+    "cli.validation_page",
+    "cli.validation_views",
 )
 
 
@@ -148,7 +158,16 @@ def loaded_by(code: str) -> set[str]:
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["--version"], ["convert", "--help"], ["robots", "--help"], ["demo", "--help"], ["compare", "--help"]],
+    [
+        ["--help"],
+        ["--version"],
+        ["convert", "--help"],
+        ["calibrate", "--help"],
+        ["compare", "--help"],
+        ["validate", "--help"],
+        ["robots", "--help"],
+        ["demo", "--help"],
+    ],
 )
 def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     code = f"""
