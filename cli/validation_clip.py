@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from retarget.cli.clip import model_for, read_motion, robot_model, without_nan
+from retarget.cli.clip import model_for, robot_model, without_nan
 from retarget.cli.plan import PIPE
 from retarget.core.errors import InvalidDataError, MotionError, RetargetError, UnknownNameError, UsageError
 
@@ -91,8 +91,10 @@ def thresholds_of(mode: str, path: str | None, overrides: Sequence[str]) -> dict
 
 def validate_clip(job: Job) -> Done:
     """Read and judge `job`, write what it asks for. Raises `RetargetError` when it can't be judged."""
+    from retarget import formats
+
     started = time.perf_counter()
-    motion = read_motion(job.recording) if job.recording else None
+    motion = formats.read_motion(job.recording) if job.recording else None
     trajectory, model, warnings = _read(job, motion)
     limits = thresholds_of(job.mode, job.thresholds_file, job.overrides)
     try:
