@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,11 +11,11 @@ import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, printable
 from retarget.cli.plan import PIPE
-from retarget.core.errors import FormatError, MotionError, UsageError
+from retarget.cli.tracker_logs import log_facts, log_options, read_recording
+from retarget.core.errors import MotionError, UsageError
 
 if TYPE_CHECKING:
     from retarget.core.calibration import Calibration
-    from retarget.core.types import HumanMotion, TrackerRecording
 
 DEFAULT_OUTPUT = "operator.json"
 PICTURES = (".png", ".svg")
@@ -41,17 +40,7 @@ PICTURES = (".png", ".svg")
     type=click.Choice(["roles", "auto"]),
     help="Which tracker is where: by the recording's roles, or by geometry. [default: roles where they name chest and hands]",
 )
-@click.option(
-    "--roles",
-    "role",
-    multiple=True,
-    type=o.Pair("SERIAL=SEGMENT"),
-    help="A tracker's segment or role; repeat for several.",
-)
-@click.option("--roles-file", metavar="FILE", help="More of these, one SERIAL=SEGMENT a line.")
-@click.option("--columns", metavar="FILE.toml", help="Which column of a tracker log is what.")
-@click.option("--up", type=click.Choice(["y", "z"]), help="Vertical axis of a tracker log.")
-@click.option("--rate", "rate_hz", type=o.Number("HZ", above=0), help="Frame rate of a tracker log without times.")
+@log_options("--rate")
 @click.option(
     "--hand-offset",
     type=o.Vector(),
@@ -124,27 +113,22 @@ def _calibration(
     inputs: Sequence[str],
     windows: Mapping[str, Any],
     *,
-    role: Sequence[tuple[str, str]],
-    roles_file: str | None,
-    columns: str | None,
-    up: Any,
-    rate_hz: float | None,
     assign_by: Any,
     hand_offset: Sequence[float] | None,
     hand_offset_frame: Any,
+    **choices: Any,
 ) -> Calibration:
     from retarget.core.calibrate import operator
     from retarget.core.calibration import POSES
-    from retarget.formats import TrackerOptions
 
-    roles = {**(_roles_of(roles_file) if roles_file else {}), **_unique(role, "--roles")}
-    options = TrackerOptions(columns=Path(columns) if columns else None, up=up, rate_hz=rate_hz, roles=roles)
-    recordings = {path: _read(path, options) for path in dict.fromkeys(inputs)}
+    facts = log_facts(choices)
+    recordings = {path: read_recording(path, facts) for path in dict.fromkeys(inputs)}
     # Before anything can fail: a wrong axis or a lost tracker explains what follows.
     for path, recording in recordings.items():
         for warning in recording.source.warnings:
             console.warning(warning if len(recordings) == 1 else f"{path}: {warning}")
-    by_pose = dict(zip(POSES, (recordings[path] for path in (inputs if len(inputs) == 3 else inputs * 3)), strict=True))
+    paths = inputs if len(inputs) == 3 else [inputs[0]] * 3
+    by_pose = {pose: recordings[path] for pose, path in zip(POSES, paths, strict=True)}
     shown = ", ".join("stdin" if path == PIPE else path for path in dict.fromkeys(inputs))
     try:
         return operator.calibrate(
@@ -156,43 +140,6 @@ def _calibration(
         )
     except MotionError as error:
         raise MotionError(f"{shown}: {error}") from error
-
-
-def _read(path: str, options: Any) -> HumanMotion | TrackerRecording:
-    from retarget import formats
-
-    if path == PIPE:
-        return formats.read_recording(sys.stdin.buffer, "stdin", options=options)
-    return formats.read_recording(path, options=options)
-
-
-def _roles_of(path: str) -> dict[str, str]:
-    """Tracker → segment from lines SERIAL=SEGMENT; empty lines and what follows a # don't count."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = error.strerror.lower() if isinstance(error, OSError) and error.strerror else "not text"
-        raise UsageError(f"--roles-file {path}: {reason}") from None
-    pairs = []
-    for number, line in enumerate(text.splitlines(), 1):
-        content = line.partition("#")[0].strip()
-        if not content:
-            continue
-        serial, equals, segment = (part.strip() for part in content.partition("="))
-        if not (serial and equals and segment):
-            raise FormatError(path, f"found '{content}'", place=f"line {number}", expected="SERIAL=SEGMENT")
-        pairs.append((serial, segment))
-    if not pairs:
-        raise UsageError(f"--roles-file {path}: names no tracker; expected lines SERIAL=SEGMENT")
-    return _unique(pairs, f"--roles-file {path}")
-
-
-def _unique(pairs: Sequence[tuple[str, str]], where: str) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for serial, segment in pairs:
-        if found.setdefault(serial, segment) != segment:
-            raise UsageError(f"{where}: tracker '{serial}' is given as {found[serial]} and as {segment}; choose one")
-    return found
 
 
 def _tell(console: Console, calibration: Calibration, output: str) -> None:

@@ -56,7 +56,7 @@ def person(calibration: Calibration) -> Figure:
         bottom=(TABLE_IN + LABELS_IN) / height,
         wspace=GAP_IN / (scale * sizes[:, 0].mean()),
     )
-    grid = figure.subplots(1, len(VIEWS), width_ratios=sizes[:, 0])
+    grid = figure.subplots(1, len(VIEWS), width_ratios=sizes[:, 0].tolist())
     for axes, (title, (across_up, across, up)) in zip(grid, VIEWS.items(), strict=True):
         _draw(axes, calibration, across_up, named=axes is grid[0])
         flat = corners @ across_up.T
@@ -73,8 +73,9 @@ def person(calibration: Calibration) -> Figure:
 
 
 def _draw(axes: Axes, calibration: Calibration, across_up: Array, *, named: bool) -> None:
-    def flat(point: Array) -> Array:
-        return np.asarray(across_up @ point)
+    def flat(point: Array) -> tuple[float, float]:
+        across, up = (across_up @ point).tolist()
+        return across, up
 
     shoulders = [calibration.arms[side].shoulder for side in SIDES]
     neck = np.mean(shoulders, axis=0)
@@ -84,23 +85,26 @@ def _draw(axes: Axes, calibration: Calibration, across_up: Array, *, named: bool
         )
     for side in SIDES:
         arm, colour = calibration.arms[side], COLOUR[side]
-        start = flat(arm.shoulder)
+        shoulder = flat(arm.shoulder)
         for pose, hand in zip(POSES, arm.hand_points, strict=True):
             end = flat(hand)
-            axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0})
+            axes.annotate(
+                "", end, shoulder, arrowprops={"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
+            )
             # Arms that point at the viewer or lie behind one another keep their letters apart by side.
-            away = (end - start) / max(float(np.linalg.norm(end - start)), 0.25)
-            offset = 11 * away + (np.zeros(2) if np.linalg.norm(away) > 0.9 else [7 if side == "Left" else -7, -9])
+            seen = np.subtract(end, shoulder)
+            away = seen / max(float(np.linalg.norm(seen)), 0.25)
+            x, y = 11 * away + (np.zeros(2) if np.linalg.norm(away) > 0.9 else [7 if side == "Left" else -7, -9])
             axes.annotate(
                 f"{LETTER[pose]}",
                 end,
-                xytext=offset,
+                xytext=(x, y),
                 textcoords="offset points",
                 color=colour,
                 ha="center",
                 va="center",
             )
-        axes.plot(*start, "o", color=colour, markersize=7, zorder=3)
+        axes.plot(*shoulder, "o", color=colour, markersize=7, zorder=3)
     for point, marker, name in ((calibration.chest_position, "s", "chest"), (np.zeros(3), "P", "origin")):
         axes.plot(*flat(point), marker, color=INK, markersize=5, zorder=4)
         if named:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from retarget.cli.console import Progress
 from retarget.cli.plan import PIPE, Clip
+from retarget.cli.tracker_logs import read_calibrated
 from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -40,20 +41,13 @@ def model_for(robot: str, motion: HumanMotion) -> RobotModel:
     return build(profile, motion) if profile.model.kind == "human" else robot_model(robot)
 
 
-def read_motion(path: str) -> HumanMotion:
-    """The recording at `path`, or on stdin for "-"."""
-    from retarget import formats
-
-    return formats.read_motion(sys.stdin.buffer, "stdin") if path == PIPE else formats.read_motion(path)
-
-
 def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
     """Read, convert and write `clip`; its record as `--json` prints it. Raises `RetargetError`, leaving nothing half-written."""
     from retarget import formats
     from retarget.core import pipeline
 
     started = time.perf_counter()
-    motion = read_motion(clip.input)
+    motion = read_calibrated(clip.input, clip.calibration, clip.log)
     read_s = time.perf_counter() - started
     model = model_for(clip.robot, motion)
     model_s = time.perf_counter() - started - read_s
@@ -85,12 +79,12 @@ def failed_record(clip: Clip, error: str) -> Record:
 
 
 def _head(clip: Clip, status: str, error: str | None) -> Record:
-    method = (clip.options or {}).get("mapping")
     return {
         "input": clip.input,
         "output": clip.output,
         "robot": clip.robot_name,
-        "method": method,
+        "method": clip.method,
+        "mapping": (clip.options or {}).get("mapping"),
         "status": status,
         "error": error,
     }

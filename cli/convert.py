@@ -13,6 +13,7 @@ from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
 from retarget.cli.main import unexpected
 from retarget.cli.plan import PIPE, Clip
+from retarget.cli.tracker_logs import load_calibration, log_facts, log_options
 from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -34,8 +35,28 @@ if TYPE_CHECKING:
 @click.option("--format", "format_", type=o.FORMAT, help="mcap, hdf5, csv or npz. [default: by the output's suffix]")
 @click.option("--csv-style", type=o.CSV_STYLE, help="Columns of CSV: header or unitree. [default: header]")
 @click.option(
-    "--mapping", type=o.MAPPING, default="limb_plane", show_default=True, help="limb_plane or link_orientation."
+    "--method",
+    type=click.Choice(["geometric", "telemanipulation"]),
+    default="geometric",
+    show_default=True,
+    help="geometric follows every measured segment's orientation; telemanipulation places the hands, the rest by strict priorities.",
 )
+@click.option("--calibration", metavar="FILE.json", help="The operator, from retarget calibrate: tracker logs need it.")
+@click.option(
+    "--mapping",
+    type=o.MAPPING,
+    help="limb_plane or link_orientation; of hands: hand_position, proportional or absolute. [default: limb_plane, or "
+    "hand_position for telemanipulation]",
+)
+@click.option(
+    "--solver",
+    type=click.Choice(["auto", "dynamical", "hierarchical"]),
+    default="auto",
+    show_default=True,
+    help="One QP a frame, or strict priorities; auto by the mapping.",
+)
+@click.option("--blend-hands", is_flag=True, help="Let the robot's hands meet when the operator's do (hand_position).")
+@log_options("--log-rate")
 @click.option(
     "--base",
     type=click.Choice(["auto", "fixed", "human", "contact"]),
@@ -63,7 +84,7 @@ if TYPE_CHECKING:
     type=click.Choice(["auto", "numpy", "compiled"]),
     default="auto",
     show_default=True,
-    help="Solver code: compiled needs the extra [fast]; auto takes it for long clips.",
+    help="Solver code, the same results: compiled takes 15 s the first time; auto takes it for long clips.",
 )
 @click.option("--report", metavar="DIR|FILE.html", help="Also write an HTML page with plots.")
 @click.option("--files-from", metavar="FILE|-", help="Read more inputs from this file, one a line.")
@@ -90,7 +111,7 @@ def convert(
 ) -> None:
     """Turn recordings INPUTS into robot joint trajectories.
 
-    INPUTS are files, folders with -r, or '-' for stdin. Everything is checked before any work: two inputs for one output, an
+    INPUTS are recordings of suits (MVNX), or, with --calibration, logs of trackers: files, folders with -r, or '-' for stdin. Everything is checked before any work: two inputs for one output, an
     output that exists or a folder that can't be written end the command with nothing done. Outputs are renamed into place
     when they are complete: a file that exists is finished.
     """
@@ -129,6 +150,9 @@ def _plan(
     skip_existing: bool,
     force: bool,
     shard: tuple[int, int] | None,
+    method: str,
+    calibration: str | None,
+    blend_hands: bool,
     **options: Any,
 ) -> tuple[list[Clip], list[Clip]]:
     """(clips to convert, clips to skip), everything checked that can be checked before work."""
@@ -136,8 +160,18 @@ def _plan(
     from retarget import robots as profiles
     from retarget.cli import plan
     from retarget.cli.clip import robot_model
-    from retarget.core import batch
+    from retarget.core import batch, pipeline
 
+    log = log_facts(options)
+    options["mapping"] = options["mapping"] or pipeline.METHODS[method]
+    options["settings"] = {"blend_hands": True} if blend_hands else {}
+    pipeline.check_mapping(pipeline.ConvertOptions(**options))
+    if calibration:
+        load_calibration(calibration)
+    elif pipeline.needs_calibration(options["mapping"]):
+        raise UsageError(
+            f"mapping '{options['mapping']}' needs the operator; give --calibration FILE.json (retarget calibrate makes it)"
+        )
     if force and skip_existing:
         raise UsageError("--force and --skip-existing contradict each other")
     if options["start_s"] is not None and options["end_s"] is not None and options["end_s"] <= options["start_s"]:
@@ -147,7 +181,7 @@ def _plan(
     if csv_style and target.name != "csv":
         raise UsageError(f"--csv-style is for CSV; the output is {target.name}")
     chosen = {robot: profiles.load(robot) for robot in dict.fromkeys(robots)}
-    names = plan.collect_inputs(inputs, files_from, nul=nul, recursive=recursive)
+    names = plan.collect_inputs(inputs, files_from, nul=nul, recursive=recursive, logs=calibration is not None)
     template = plan.folder_template(output, target)
     clips = plan.make(
         names,
@@ -160,6 +194,9 @@ def _plan(
         style=csv_style,
         overwrite=force,
         options=options,
+        method=method,
+        calibration=calibration,
+        log=log,
     )
     clips = batch.shard(clips, *shard) if shard else clips
     done = [skip_existing and Path(clip.output).is_file() for clip in clips]

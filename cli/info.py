@@ -11,22 +11,24 @@ import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
 from retarget.cli.plan import PIPE
+from retarget.cli.tracker_logs import log_facts, log_options, tracker_options
 
 
 @click.command(short_help="Say what is in a recording or a trajectory.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(allow_dash=True))
+@log_options("--log-rate")
 @o.as_json("Print one JSON object per file and line on stdout.")
 @o.speech
 @click.pass_obj
-def info(console: Console, files: tuple[str, ...], as_json: bool) -> None:
+def info(console: Console, /, files: tuple[str, ...], as_json: bool, **choices: Any) -> None:
     """Say what is in each of FILES: format, rate, frames, segments or joints, gaps, warnings."""
     from retarget.cli.clip import without_nan
     from retarget.cli.plan import collect_inputs
     from retarget.core import batch
 
     paths = collect_inputs(files, None, nul=False, recursive=False)
-    codes = set()
-    for path, outcome in zip(paths, batch.run(_describe, paths), strict=True):
+    facts, codes = log_facts(choices), set()
+    for path, outcome in zip(paths, batch.run(lambda path: _describe(path, facts), paths), strict=True):
         codes.add(outcome.exit_code)
         if outcome.value is None:
             _tell_failure(console, path, outcome)
@@ -38,10 +40,13 @@ def info(console: Console, files: tuple[str, ...], as_json: bool) -> None:
         leave(max(codes))
 
 
-def _describe(path: str) -> Mapping[str, Any]:
+def _describe(path: str, facts: Mapping[str, Any]) -> Mapping[str, Any]:
     from retarget import formats
 
-    return formats.describe(sys.stdin.buffer, "stdin") if path == PIPE else formats.describe(path)
+    options = tracker_options(facts)
+    if path == PIPE:
+        return formats.describe(sys.stdin.buffer, "stdin", options=options)
+    return formats.describe(path, options=options)
 
 
 def _tell_failure(console: Console, path: str, outcome: Any) -> None:

@@ -21,6 +21,7 @@ COMMANDS = {
     "convert": "Turn recordings into robot joint trajectories.",
     "validate": "Replay trajectories in physics and give a verdict.",
     "calibrate": "Make an operator's calibration of recordings of three poses.",
+    "compare": "Compare hand mappings by the experiments of Lim et al. 2022.",
     "info": "Say what is in a recording or a trajectory.",
     "robots": "List, show and check robots.",
     "demo": "Convert a sample walk to two robots and write a report.",

@@ -9,7 +9,7 @@ import string
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -30,6 +30,7 @@ class Clip:
 
     input, output: paths, or "-" for stdin and stdout. robot: name or profile path as given; robot_name: the profile's own.
     format, style: of the output. report: path of the HTML page, "" for none. options: fields of `ConvertOptions`.
+    method: what the user asked for. calibration: path of the operator's, or None. log: what a tracker log doesn't say (`tracker_logs`).
     """
 
     input: str
@@ -41,6 +42,9 @@ class Clip:
     overwrite: bool = False
     report: str = ""
     options: Mapping[str, Any] | None = None
+    method: str = "geometric"
+    calibration: str | None = None
+    log: Mapping[str, Any] = field(default_factory=dict)
 
 
 def collect_inputs(
@@ -50,8 +54,12 @@ def collect_inputs(
     nul: bool,
     recursive: bool,
     kind: Literal["motion", "trajectory"] = "motion",
+    logs: bool = False,
 ) -> list[str]:
-    """Paths of all files of this kind named, listed in `files_from`, or found below folders. Raises `UsageError` for what isn't there."""
+    """Paths of all files of this kind named, listed in `files_from`, or found below folders. Raises `UsageError` for what isn't there.
+
+    logs: whether tracker logs below folders are wanted, too; every other CSV has their suffix.
+    """
     from retarget import formats
 
     what, verb = KINDS[kind]
@@ -62,8 +70,13 @@ def collect_inputs(
         raise UsageError(f"no input; give {what}, or --files-from")
     if named.count(PIPE) > 1 or (PIPE in named and files_from == PIPE):
         raise UsageError("stdin ('-') can be read only once")
-    readable = [f for f in formats.available().values() if getattr(f, f"read_{kind}") is not None]
-    suffixes = tuple(suffix for format_ in readable for suffix in format_.suffixes)
+    suffixes = tuple(
+        suffix
+        for format_ in formats.available().values()
+        if getattr(format_, f"read_{kind}") or (logs and format_.read_trackers)
+        for suffix in format_.suffixes
+        if suffix != ".txt"
+    )
     found: list[str] = []
     for name in named:
         if name == PIPE or not Path(name).is_dir():

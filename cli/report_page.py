@@ -64,20 +64,26 @@ def write_page(
 
 def page(sections: Sequence[Section], heading: str, note: str = "") -> str:
     """The HTML text. note: a line under the heading."""
+    return document(heading, note, [_overview(sections), *(_section(section) for section in sections)])
+
+
+def document(heading: str, note: str, parts: Sequence[str]) -> str:
+    """A whole page: `heading`, under it the line `note` ("" for none), then the HTML `parts`."""
     introduction = f'<p class="note">{html.escape(note)}</p>' if note else ""
-    body = "\n".join(
-        [
-            f"<h1>{html.escape(heading)}</h1>",
-            introduction,
-            _overview(sections),
-            *(_section(section) for section in sections),
-        ]
-    )
+    body = "\n".join([f"<h1>{html.escape(heading)}</h1>", introduction, *parts])
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{html.escape(heading)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
     )
+
+
+def picture(title: str, caption: str, figure: Figure, alt: str) -> str:
+    """A figure with its title and caption; `alt` is what stands for the picture where there is none."""
+    data = base64.b64encode(figures.svg(figure)).decode()
+    # An image of its own, not inline SVG: identifiers of several figures in one document would collide.
+    image = f'<img alt="{html.escape(alt)}" src="data:image/svg+xml;base64,{data}">'
+    return f'<figure><h3>{html.escape(title)}</h3><p class="note">{html.escape(caption)}</p>{image}</figure>'
 
 
 def figures_of(result: ConvertResult, model: RobotModel) -> list[tuple[str, str, Figure]]:
@@ -149,10 +155,7 @@ def _section(section: Section) -> str:
             f'<p class="note">Not measured, kept in the reference posture: {html.escape(", ".join(missing))}</p>'
         )
     for title, caption, figure in figures_of(result, section.model):
-        data = base64.b64encode(figures.svg(figure)).decode()
-        # An image of its own, not inline SVG: identifiers of several figures in one document would collide.
-        image = f'<img alt="{html.escape(f"{title}, {section.title}")}" src="data:image/svg+xml;base64,{data}">'
-        parts.append(f'<figure><h3>{html.escape(title)}</h3><p class="note">{html.escape(caption)}</p>{image}</figure>')
+        parts.append(picture(title, caption, figure, f"{title}, {section.title}"))
     return "\n".join([*parts, "</section>"])
 
 

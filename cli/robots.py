@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -118,9 +119,14 @@ def _model(profile: RobotProfile) -> RobotModel:
 
 def facts(profile: RobotProfile) -> dict[str, Any]:
     """What `list` says of a robot, JSON-able."""
+    from retarget import robots as profiles
+
     model = _model(profile)
     source = profile.model
-    where = {"package": f"{source.package}: {source.path}", "file": source.path, "human": "built from the recording"}
+    # Of the package's own files only the name: documents are made of this, on whatever machine.
+    own = source.path and Path(source.path).parent == Path(profiles.__file__).parent
+    file = f"retarget: robots/{Path(source.path).name}" if own else source.path
+    where = {"package": f"{source.package}: {source.path}", "file": file, "human": "built from the recording"}
     return {
         "name": profile.name,
         "description": profile.description,

@@ -15,10 +15,11 @@ def clip_line(record: Record) -> str:
     metrics = record["metrics"]
     limbs = metrics["limb_direction_error_deg"]
     broken = metrics["position_limit_violations"] + metrics["velocity_limit_violations"]
-    skate = metrics["foot_skate_m_s"]
+    skate, hands = metrics["foot_skate_m_s"], metrics["hand_position_error_mm"]
     parts = [
         f"{record['input']} → {record['robot']}: {record['frames']:,} frames at {record['rate_hz']:g} Hz",
         f"limbs {degrees(limbs, 'mean')} (p95 {degrees(limbs, 'p95')})",
+        *([f"hands {hands['mean']:.1f} mm (p95 {hands['p95']:.1f} mm)"] if hands else []),
         "limits kept" if not broken else f"LIMITS BROKEN {broken} times",
         *([f"skate {100 * skate['mean']:.1f} cm/s"] if skate else []),
         f"{record['frames_per_second']:,.0f} frames/s",

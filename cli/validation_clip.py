@@ -96,7 +96,7 @@ def validate_clip(job: Job) -> Done:
     trajectory, model, warnings = _read(job, motion)
     limits = thresholds_of(job.mode, job.thresholds_file, job.overrides)
     try:
-        trajectory, reports, replay_s = _judge(job, trajectory, model, limits)
+        trajectory, reports, replay_s = _judge(job, trajectory, model, motion, limits)
     except (InvalidDataError, MotionError, UnknownNameError) as error:
         raise RetargetError(f"{job.shown}: {error}") from error
     checks = [check for report in reports.values() for check in report.checks]
@@ -133,7 +133,11 @@ def failed_record(job: Job, error: str) -> Record:
 
 
 def _judge(
-    job: Job, trajectory: JointTrajectory, model: RobotModel, limits: Mapping[str, Thresholds]
+    job: Job,
+    trajectory: JointTrajectory,
+    model: RobotModel,
+    motion: HumanMotion | None,
+    limits: Mapping[str, Thresholds],
 ) -> tuple[JointTrajectory, dict[str, ValidationReport], float]:
     """(the trajectory in the model's joint order, mode → report, seconds that judging took)."""
     from retarget.core.replay import kinematic, match
@@ -141,7 +145,7 @@ def _judge(
     trajectory = match.matched(trajectory, model)
     held = replay_model(job, model, "held")
     begin = time.perf_counter()
-    reports = {"kinematic": kinematic.check(trajectory, held, limits["kinematic"])}
+    reports = {"kinematic": kinematic.check(trajectory, held, limits["kinematic"], motion)}
     if job.mode == "fixed":
         from retarget.core.replay import fixed
 

@@ -125,10 +125,11 @@ class Calibration:
         _check_keys("Calibration.windows_s", self.windows_s, POSES)
         windows = {pose: frozen_array(f"Calibration.windows_s[{pose}]", w, (2,)) for pose, w in self.windows_s.items()}
         put("windows_s", MappingProxyType({pose: (float(w[0]), float(w[1])) for pose, w in windows.items()}))
-        for name, value in self.residuals.items():
-            if not np.isfinite(value):
-                raise InvalidDataError(f"Calibration.residuals[{name}]: found {value}, expected a finite number")
-        put("residuals", MappingProxyType({name: float(value) for name, value in self.residuals.items()}))
+        residuals = {residual: float(figure) for residual, figure in self.residuals.items()}
+        for residual, figure in residuals.items():
+            if not np.isfinite(figure):
+                raise InvalidDataError(f"Calibration.residuals[{residual}]: found {figure}, expected a finite number")
+        put("residuals", MappingProxyType(residuals))
         for name in ("arms", "trackers", "input_sha256"):
             put(name, MappingProxyType(dict(getattr(self, name))))
         put("warnings", tuple(self.warnings))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from retarget.core import rotations
+from retarget.core import rotations, timebase
 from retarget.core.calibration import SIDES
 from retarget.core.errors import InvalidDataError
 from retarget.core.kinematics import Poses
@@ -15,10 +15,19 @@ from retarget.core.mapping.arm_frames import arm_frames
 from retarget.core.mapping.operator_arms import elbow_line, hand_point, shoulder_point
 from retarget.core.mapping.telemanipulation import operator_of
 from retarget.core.robot_model import RobotModel
-from retarget.core.types import Array, HumanMotion, JointTrajectory, Targets
+from retarget.core.types import Array, BoolArray, HumanMotion, JointTrajectory, Targets
 
 HAND_MAPPINGS = ("hand_position", "proportional", "absolute")
 ORIGINAL = "original"
+
+LEAST_TURNS = 1.5
+"""Fewer turns are no circle that somebody meant to draw: a swinging hand makes one now and then."""
+ALMOST_A_TURN = 0.25
+"""How much of its last turn a hand may owe: averaging eats some of where it begins and ends."""
+PATH_SMOOTH_S, TURN_SMOOTH_S = 0.1, 0.25
+"""Half-widths over which a path and its turning rate are averaged before circles are looked for: less than a quarter of a turn."""
+SLOWEST = 0.1
+"""Part of a hand's highest speed (95th percentile) below which it doesn't draw."""
 
 
 def circle_index(points: Array) -> float:
@@ -41,6 +50,36 @@ def circle_index(points: Array) -> float:
     return float(np.sqrt(np.mean((distance - radius) ** 2)) / radius)
 
 
+def find_circle(time: Array, points: Array) -> tuple[float, float] | None:
+    """When a hand draws circles in the frontal plane: (start, end) s of its whole turns, None where there are fewer than LEAST_TURNS.
+
+    time: (T,) s. points: (T, 3) m, x forward. Looks for the stretch with the most turns in which the hand keeps moving and its heading
+    in the y-z plane keeps turning one way; what is left over beside whole turns (coming and going) is dropped evenly at both ends.
+    """
+    if len(time) < 3:
+        return None
+    velocity = np.gradient(timebase.smooth(time, points[:, 1:], PATH_SMOOTH_S), time, axis=0)
+    speed = np.linalg.norm(velocity, axis=1)
+    heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
+    turning = timebase.smooth(time, np.gradient(heading, time)[:, None], TURN_SMOOTH_S)[:, 0]
+    moving = speed > SLOWEST * np.percentile(speed, 95)
+    turned, begin, end = 0.0, 0, 0
+    for way in (1.0, -1.0):
+        drawing = np.concatenate([[False], moving & (way * turning > 0), [False]])
+        changes = np.flatnonzero(np.diff(drawing.astype(int)))
+        for first, stop in zip(changes[::2], changes[1::2], strict=True):
+            angle = abs(float(heading[stop - 1] - heading[first]))
+            if angle > turned:
+                turned, begin, end = angle, int(first), int(stop)
+    if turned < LEAST_TURNS * 2 * np.pi:
+        return None
+    progress = np.abs(heading[begin:end] - heading[begin])
+    whole = min(turned, 2 * np.pi * np.floor(turned / (2 * np.pi) + ALMOST_A_TURN))
+    inside = (progress >= 0.5 * (turned - whole)) & (progress <= 0.5 * (turned + whole))
+    drawn = time[begin:end][inside]
+    return float(drawn[0]), float(drawn[-1])
+
+
 def ideal_square(centre: Sequence[float], side_m: float, per_side: int = 50) -> Array:
     """A square (4 · per_side + 1, 3) m in the y-z plane about `centre`, drawn at constant speed from its upper left corner and
     closed [Lim2022 fig. 6]."""
@@ -61,6 +100,16 @@ def hand_paths(targets: Targets) -> dict[str, Array]:
     return {task.segment.removesuffix("Hand"): task.value for task in targets.tasks if task.kind == "position"}
 
 
+def circle_paths(
+    motion: HumanMotion, model: RobotModel, mappings: Sequence[str] = HAND_MAPPINGS
+) -> dict[str, dict[str, Array]]:
+    """Side → {"original": the operator's hand point (T, 3) m in the operator frame, mapping's name: the robot's target in its world}."""
+    operator, calibration = operator_of(motion, model)
+    paths = {ORIGINAL: {side: hand_point(operator, calibration, side) for side in SIDES}}
+    paths |= {name: hand_paths(load(name).targets(motion, model)) for name in mappings}
+    return {side: {name: path[side] for name, path in paths.items()} for side in SIDES}
+
+
 def circle_indices(
     motion: HumanMotion,
     model: RobotModel,
@@ -72,12 +121,50 @@ def circle_indices(
     motion: one in which both hands draw circles in front of the person, with its calibration. window_s: (start, end), when they
     do; None = throughout. Raises `InvalidDataError` for a window with fewer than three frames.
     """
-    operator, calibration = operator_of(motion, model)
-    paths = {ORIGINAL: {side: hand_point(operator, calibration, side) for side in SIDES}}
-    paths |= {name: hand_paths(load(name).targets(motion, model)) for name in mappings}
+    drawn = within(motion.time, window_s)
+    paths = circle_paths(motion, model, mappings)
+    return {side: {name: circle_index(path[drawn]) for name, path in paths[side].items()} for side in SIDES}
+
+
+def within(time: Array, window_s: tuple[float, float] | None) -> BoolArray:
+    """Which frames (T,) are in the window, ends included; all without one."""
     start, end = window_s or (-np.inf, np.inf)
-    drawn = (motion.time >= start) & (motion.time <= end)
-    return {side: {name: circle_index(path[side][drawn]) for name, path in paths.items()} for side in SIDES}
+    return np.asarray((time >= start) & (time <= end))
+
+
+def operator_arm_points(motion: HumanMotion, model: RobotModel) -> dict[str, Array]:
+    """{Left,Right}{Shoulder,Elbow,Hand} → (T, 3) m in the operator frame that suits the robot; no elbow where no upper arm is measured."""
+    operator, calibration = operator_of(motion, model)
+    points = {}
+    for side in SIDES:
+        if operator.has(f"{side}UpperArm"):
+            points[f"{side}Shoulder"], points[f"{side}Elbow"] = elbow_line(operator, calibration, side)
+        else:
+            points[f"{side}Shoulder"] = shoulder_point(operator, calibration, side)
+        points[f"{side}Hand"] = hand_point(operator, calibration, side)
+    return points
+
+
+def robot_arm_points(trajectory: JointTrajectory, model: RobotModel) -> dict[str, Array]:
+    """{Left,Right}{Shoulder,Elbow,Hand} → (T, 3) m in the robot's world; no elbow where the robot's is unknown."""
+    arms = arm_frames(model)
+    links = [link for arm in arms.values() for link in (arm.shoulder_link, arm.hand_link, arm.elbow_link) if link]
+    poses = Poses.of(model, links, trajectory.position, trajectory.base_orientation, trajectory.base_position)
+    points = {}
+    for side, arm in arms.items():
+        for name, link, offset in (
+            ("Shoulder", arm.shoulder_link, arm.shoulder),
+            ("Elbow", arm.elbow_link, arm.elbow),
+            ("Hand", arm.hand_link, arm.hand),
+        ):
+            if link:
+                rotation, origin = poses.at(link)
+                points[f"{side}{name}"] = np.asarray(origin + rotation @ offset)
+    return points
+
+
+LINES = {"UpperArm": ("Shoulder", "Elbow"), "ForeArm": ("Elbow", "Hand"), "Arm": ("Shoulder", "Hand")}
+"""Line of an arm → the points that it joins."""
 
 
 def arm_direction_errors(trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion) -> dict[str, Array]:
@@ -88,28 +175,17 @@ def arm_direction_errors(trajectory: JointTrajectory, model: RobotModel, motion:
     calibration; the robot's base stands upright, the person is seen in the operator frame. Lines that start or end at an elbow
     are left out where robot or person has none known.
     """
-    operator, calibration = operator_of(motion, model)
-    arms = arm_frames(model)
-    links = [link for arm in arms.values() for link in (arm.shoulder_link, arm.hand_link, arm.elbow_link) if link]
-    poses = Poses.of(model, links, trajectory.position, trajectory.base_orientation, trajectory.base_position)
+    return line_angles(operator_arm_points(motion, model), robot_arm_points(trajectory, model))
 
-    def point(link: str, offset: Array) -> Array:
-        rotation, origin = poses.at(link)
-        return np.asarray(origin + rotation @ offset)
 
+def line_angles(person: Mapping[str, Array], robot: Mapping[str, Array]) -> dict[str, Array]:
+    """Line → angle (T,) in degrees between the arms of the two, from what `operator_arm_points` and `robot_arm_points` give."""
     errors = {}
-    for side, arm in arms.items():
-        robot_shoulder, robot_hand = point(arm.shoulder_link, arm.shoulder), point(arm.hand_link, arm.hand)
-        hand = hand_point(operator, calibration, side)
-        if operator.has(f"{side}UpperArm"):
-            shoulder, elbow = elbow_line(operator, calibration, side)
-            if arm.elbow_link:
-                robot_elbow = point(arm.elbow_link, arm.elbow)
-                errors[f"{side}UpperArm"] = _angle(robot_elbow - robot_shoulder, elbow - shoulder)
-                errors[f"{side}ForeArm"] = _angle(robot_hand - robot_elbow, hand - elbow)
-        else:
-            shoulder = shoulder_point(operator, calibration, side)
-        errors[f"{side}Arm"] = _angle(robot_hand - robot_shoulder, hand - shoulder)
+    for side in SIDES:
+        for line, (start, end) in LINES.items():
+            ends = f"{side}{start}", f"{side}{end}"
+            if all(name in person and name in robot for name in ends):
+                errors[f"{side}{line}"] = _angle(robot[ends[1]] - robot[ends[0]], person[ends[1]] - person[ends[0]])
     return errors
 
 

@@ -37,11 +37,14 @@ def measure(
     series |= {f"orientation_error_deg/{segment}": error for segment, error in link.items()}
     skate, penetration, feet = foot_figures(trajectory, model, foot_contacts(motion), poses)
     series |= feet
+    hands = position_errors(trajectory, model, targets)
+    series |= {f"hand_position_error_mm/{segment}": error for segment, error in hands.items()}
     limits, limit_series = limit_figures(trajectory, model)
     series |= limit_series
     metrics: dict[str, Any] = {
         "limb_direction_error_deg": _summary(limb, "per_limb"),
         "orientation_error_deg": _summary(link, "per_link"),
+        "hand_position_error_mm": _summary(hands, "per_hand") if hands else None,
         **limits,
         "jerk_rms_rad_s3": jerk_rms(trajectory),
         "foot_skate_m_s": skate,
@@ -86,6 +89,24 @@ def orientation_errors(
     rotation = (poses or _poses(model, trajectory, links)).rotations_of(links)
     achieved = rotations.from_matrix(rotation)
     return {t.segment or t.frame: np.degrees(rotations.angle(achieved[:, i], t.value)) for i, t in enumerate(tasks)}
+
+
+def position_errors(trajectory: JointTrajectory, model: RobotModel, targets: Targets) -> dict[str, Array]:
+    """Segment (or frame, for tasks of none) → distance (T,) in mm between the point of its position task and where it should be.
+
+    Position tasks are in the world of a robot that stands upright at the origin, so that is where its base is put.
+    """
+    tasks = [task for task in targets.tasks if task.kind == "position"]
+    if not tasks:
+        return {}
+    poses = Poses.of(model, [task.frame for task in tasks], trajectory.position)
+    errors = {}
+    for task in tasks:
+        rotation, origin = poses.at(task.frame)
+        errors[task.segment or task.frame] = np.asarray(
+            1e3 * np.linalg.norm(rotation @ task.offset + origin - task.value, axis=1)
+        )
+    return errors
 
 
 def limit_figures(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -12,16 +13,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from retarget.core import rotations, timebase
-from retarget.core.errors import UnknownNameError, UsageError
+from retarget.core.errors import MotionError, UnknownNameError, UsageError
 from retarget.core.types import Array, HumanMotion, JointTrajectory, Targets
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from retarget.core.mapping import Mapping as MotionMapping
     from retarget.core.robot_model import RobotModel
-    from retarget.core.solve.dynamical import Solution
+    from retarget.core.solve.clip import ClipSolution
 
 BASE_CHOICES = ("auto", "fixed", "human", "contact")
+SOLVER_CHOICES = ("auto", "dynamical", "hierarchical")
+METHODS = {"geometric": "limb_plane", "telemanipulation": "hand_position"}
+"""Method → the mapping that it takes unless another is named [Darvish2019], [Lim2022]."""
 KERNEL_CHOICES = ("auto", "numpy", "compiled")
 LEAD_S = 5.0
 """How much of the recording before and after a wanted part is solved along with it and thrown away."""
@@ -31,9 +36,10 @@ LEAD_S = 5.0
 class ConvertOptions:
     """How to convert. mapping: a name of `mapping_names()`. base: one of BASE_CHOICES, auto = by the robot.
 
+    solver: one of SOLVER_CHOICES, auto = hierarchical for mappings of hands, dynamical for the others. settings: of the mapping, by name.
     online: the paper's one QP per frame instead of converged frames. rate_hz: output rate, None = the recording's.
     start_s, end_s: the part of the recording, on its own clock. smooth_s: half-width of a zero-lag minimum-jerk average over the result
-    (the authors of [Darvish2019] smooth by minimum jerk over 0.25 s, with lag), 0 = none; limits hold all the same. kernel: the compiled solver ([fast]) where it pays, or one of the two.
+    (the authors of [Darvish2019] smooth by minimum jerk over 0.25 s, with lag), 0 = none; limits hold all the same. kernel: the compiled solver where it pays, or one of the two.
     """
 
     mapping: str = "limb_plane"
@@ -44,6 +50,8 @@ class ConvertOptions:
     end_s: float | None = None
     smooth_s: float = 0.0
     kernel: str = "auto"
+    solver: str = "auto"
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -90,6 +98,7 @@ def check_options(options: ConvertOptions) -> None:
         ("mapping", options.mapping, mapping_names()),
         ("base motion", options.base, BASE_CHOICES),
         ("kernel", options.kernel, KERNEL_CHOICES),
+        ("solver", options.solver, SOLVER_CHOICES),
     ):
         if value not in choices:
             raise UnknownNameError(kind, value, choices)
@@ -109,36 +118,99 @@ def convert(
     Raises `UsageError` for options that contradict each other or the robot, `MotionError` for motions with nothing to retarget,
     `SolverError` when the first frame can't be solved. Frames that fail later are marked in the trajectory's status and counted.
     """
-    from retarget.core import mapping
     from retarget.core.mapping.heading import without_heading
     from retarget.core.metrics import measure
-    from retarget.core.solve import base as base_motion
 
     check_options(options)
-    if options.base in ("human", "contact") and not model.base_is_floating:
-        raise UsageError(f"robot '{model.profile.name}' stands on a fixed base; expected --base fixed or auto")
-    if options.base == "contact" and not model.profile.feet:
-        raise UsageError(f"robot '{model.profile.name}' has no feet in its profile; expected --base fixed or human")
-    base = base_motion.default_mode(model) if options.base == "auto" else options.base
+    chosen, solver = check_mapping(options)
+    base = _base(motion, model, options, solver)
     stages = _Stages()
     with stages.timed("prepare"):
         motion, window = _with_lead(motion, options)
         if base == "fixed":
             motion = without_heading(motion, model.profile.base_segment)
     with stages.timed("map"):
-        targets = mapping.load(options.mapping).targets(motion, model)
+        targets = chosen.targets(motion, model, **options.settings)
     with stages.timed("solve"):
-        solution, calm_passes = _solve(targets, model, options, base != "fixed", progress)
-    if options.smooth_s > 0:
-        with stages.timed("smooth"):
-            solution = _smoothed(motion.time, solution, options.smooth_s, model)
-    if window != slice(0, motion.frames):
-        motion, targets, solution = _trimmed(motion, targets, solution, window)
+        found = _solve(targets, model, options, solver, base != "fixed", progress)
+    with stages.timed("finish"):
+        from retarget.core.solve import clip
+
+        solution = found.solution
+        if options.smooth_s > 0:
+            solution = clip.smoothed(motion.time, solution, options.smooth_s, model)
+        if window != slice(0, motion.frames):
+            motion, targets = _trimmed(motion, targets, window)
+            solution = clip.trimmed(solution, window)
     with stages.timed("base"):
-        trajectory = _trajectory(motion, model, options, base, solution, calm_passes)
+        trajectory = _trajectory(motion, model, options, base, replace(found, solution=solution))
     with stages.timed("measure"):
         metrics, series = measure(trajectory, model, motion, targets)
     return ConvertResult(trajectory, motion, targets, metrics, stages.seconds, model, series)
+
+
+def needs_calibration(mapping_name: str) -> bool:
+    """Whether the mapping called so wants `motion.calibration`."""
+    from retarget.core import mapping
+
+    return mapping.load(mapping_name).needs_calibration
+
+
+def check_mapping(options: ConvertOptions) -> tuple[MotionMapping, str]:
+    """The mapping and the solver that `options` mean. Raises `UsageError` for combinations that can't work and unknown settings."""
+    from retarget.core import mapping
+
+    chosen = mapping.load(options.mapping)
+    solver = _solver(chosen, options)
+    _check_settings(chosen, options)
+    return chosen, solver
+
+
+def _solver(chosen: MotionMapping, options: ConvertOptions) -> str:
+    """The solver to take. Raises `UsageError` for one that can't do what is asked of it."""
+    solver = options.solver
+    if solver == "auto":
+        solver = "hierarchical" if chosen.needs_calibration else "dynamical"
+    if solver == "dynamical" and chosen.needs_calibration:
+        raise UsageError(
+            f"mapping '{chosen.name}' places hands, the dynamical solver only follows orientations; expected the hierarchical solver"
+        )
+    if solver == "hierarchical":
+        if options.online:
+            raise UsageError("online is the dynamical solver's; the hierarchical one always steps as in a live loop")
+        if options.base in ("human", "contact"):
+            raise UsageError(
+                f"the hierarchical solver keeps the base still; expected base motion fixed or auto, found {options.base}"
+            )
+    return solver
+
+
+def _check_settings(chosen: MotionMapping, options: ConvertOptions) -> None:
+    for name in options.settings:
+        if name not in chosen.settings:
+            if not chosen.settings:
+                raise UsageError(f"mapping '{chosen.name}' has no settings; found '{name}'")
+            raise UnknownNameError(f"setting of mapping '{chosen.name}'", name, chosen.settings)
+
+
+def _base(motion: HumanMotion, model: RobotModel, options: ConvertOptions, solver: str) -> str:
+    """The base motion to take. Raises `UsageError` for one that the robot, and `MotionError` for one that the recording does not have."""
+    from retarget.core.solve import base as base_motion
+
+    if options.base in ("human", "contact") and not model.base_is_floating:
+        raise UsageError(f"robot '{model.profile.name}' stands on a fixed base; expected --base fixed or auto")
+    if options.base == "contact" and not model.profile.feet:
+        raise UsageError(f"robot '{model.profile.name}' has no feet in its profile; expected --base fixed or human")
+    segment = model.profile.base_segment
+    if options.base in ("human", "contact") and not motion.has(segment):
+        raise MotionError(
+            f"base motion {options.base} follows the person's {segment}, which was not measured; expected base motion fixed or auto"
+        )
+    if options.base != "auto":
+        return options.base
+    if solver == "hierarchical" or not motion.has(segment):
+        return "fixed"
+    return base_motion.default_mode(model)
 
 
 def _with_lead(motion: HumanMotion, options: ConvertOptions) -> tuple[HumanMotion, slice]:
@@ -155,10 +227,8 @@ def _with_lead(motion: HumanMotion, options: ConvertOptions) -> tuple[HumanMotio
     return led, slice(int(inside[0]), int(inside[-1]) + 1)
 
 
-def _trimmed(
-    motion: HumanMotion, targets: Targets, solution: Solution, window: slice
-) -> tuple[HumanMotion, Targets, Solution]:
-    """The frames of `window` of all three."""
+def _trimmed(motion: HumanMotion, targets: Targets, window: slice) -> tuple[HumanMotion, Targets]:
+    """The frames of `window` of both."""
     first, last = float(motion.time[window.start]), float(motion.time[window.stop - 1])
     tasks = tuple(
         replace(
@@ -169,60 +239,24 @@ def _trimmed(
         )
         for task in targets.tasks
     )
-    base = solution.base_orientation
-    part = replace(
-        solution,
-        joints=solution.joints[window],
-        base_orientation=None if base is None else base[window],
-        status=solution.status[window],
-        iterations=solution.iterations[window],
-    )
-    return timebase.cut(motion, first, last), replace(targets, time=targets.time[window], tasks=tasks), part
+    return timebase.cut(motion, first, last), replace(targets, time=targets.time[window], tasks=tasks)
 
 
 def _solve(
     targets: Targets,
     model: RobotModel,
     options: ConvertOptions,
+    solver: str,
     free_base: bool,
     progress: Callable[[int, int], None] | None,
-) -> tuple[Solution, int]:
-    """The solution and how many calming passes it took. Online there is none: what comes later is not known yet."""
-    from retarget.core.solve.calm import calmed
-    from retarget.core.solve.dynamical import DynamicalOptions, solve
-    from retarget.core.solve.newton import NewtonOptions
-    from retarget.core.solve.problem import orientation_problem
-    from retarget.core.solve.rounding import rounded_off
+) -> ClipSolution:
+    from retarget.core.solve import clip
 
-    problem = orientation_problem(targets, model, free_base=free_base)
-    newton = NewtonOptions(posture_weight=model.profile.posture_weight)
-    how = DynamicalOptions(online=options.online, kernel=options.kernel, newton=newton)
-    solution = solve(problem, how, progress)
-    if options.online:
-        return solution, 0
-    solution, passes = calmed(problem, solution, lambda again: solve(again, how, progress))
-    return replace(solution, joints=rounded_off(problem, solution.joints)), passes
-
-
-def _smoothed(time_s: Array, solution: Solution, window_s: float, model: RobotModel) -> Solution:
-    """Averages of neighbouring frames: joint limits, coupled rows and speed limits are convex, so what held for each holds for these.
-
-    Beyond the clip's ends the motion is thought to go on as it came, unless that would leave a limit: then to stand still.
-    """
-    from retarget.core.solve.problem import coupled_rows
-
-    joints = timebase.smooth(time_s, solution.joints, window_s)
-    rows = coupled_rows(model)
-    inside = (joints >= model.lower - 1e-12).all() and (joints <= model.upper + 1e-12).all()
-    if rows is not None:
-        value = joints @ rows[0].T
-        inside = inside and (value >= rows[1]).all() and (value <= rows[2]).all()
-    if not inside:
-        joints = timebase.smooth(time_s, solution.joints, window_s, ends="hold")
-    joints = joints.clip(model.lower, model.upper)
-    base = solution.base_orientation
-    turned = None if base is None else rotations.normalize(timebase.smooth(time_s, base, window_s))
-    return replace(solution, joints=joints, base_orientation=turned)
+    if solver == "hierarchical":
+        return clip.by_strict_priorities(targets, model, progress)
+    return clip.by_one_qp_a_frame(
+        targets, model, free_base=free_base, online=options.online, kernel=options.kernel, progress=progress
+    )
 
 
 def _trajectory(
@@ -230,11 +264,11 @@ def _trajectory(
     model: RobotModel,
     options: ConvertOptions,
     base: str,
-    solution: Solution,
-    calm_passes: int,
+    found: ClipSolution,
 ) -> JointTrajectory:
     from retarget.core.solve.base import base_position
 
+    solution = found.solution
     orientation = position = linear = angular = None
     if model.base_is_floating:
         orientation = solution.base_orientation
@@ -260,17 +294,17 @@ def _trajectory(
             "input_format": motion.source.format,
             "retarget_version": retarget_version(),
             "robot_model_sha256": model.sha256,
-            "options": {**asdict(options), "base": base},
-            "solver": {
-                "start": solution.start,
-                "qps": int(solution.iterations.sum()),
-                "qp_fallbacks": solution.fallbacks,
-                "unconverged_frames": solution.unconverged,
-                "calm_passes": calm_passes,
-            },
+            "options": {**asdict(options), "base": base, "settings": dict(options.settings)},
+            "solver": found.facts,
+            **({} if motion.calibration is None else {"calibration_sha256": calibration_sha256(motion)}),
         },
         robot_description=model.urdf,
     )
+
+
+def calibration_sha256(motion: HumanMotion) -> str:
+    """Hash of the motion's calibration as its file would be written, "" where it has none."""
+    return "" if motion.calibration is None else hashlib.sha256(motion.calibration.to_json().encode()).hexdigest()
 
 
 def _rate_of_change(time_s: Array, values: Array) -> Array:

@@ -116,7 +116,8 @@ class LevelTask:
     """One task of a priority level [Lim2022 tables II, III]: which segment it follows, and how.
 
     kind: "orientation", "position" (the arm's hand point), "axis" (where the link's own `axis`, a unit vector, points).
-    link: "" = the link that the profile maps to the segment. gain: 1/s.
+    link: "" = the link that the profile maps to the segment. gain: 1/s. weight: beside the other tasks of its level; 1 rad counts as 1 m
+    where weights are alike.
     """
 
     segment: str
@@ -124,6 +125,7 @@ class LevelTask:
     gain: float
     link: str = ""
     axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    weight: float = 1.0
 
 
 @dataclass(frozen=True)

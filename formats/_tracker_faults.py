@@ -170,7 +170,7 @@ def _increasing(samples: Samples, name: str) -> BoolArray:
 def _placeholders(position: Array, quaternion: Array, usable: BoolArray) -> BoolArray:
     """Which rows (N,) stand at the origin, unturned or with no quaternion at all, while the nearest other rows are a jump away."""
     unturned = ((quaternion == [1.0, 0.0, 0.0, 0.0]) | (quaternion == 0.0)).all(axis=1)
-    suspects = usable & (position == 0.0).all(axis=1) & unturned
+    suspects: BoolArray = usable & (position == 0.0).all(axis=1) & unturned
     others = np.flatnonzero(usable & ~suspects)
     if not suspects.any() or not len(others):
         return np.zeros(len(position), bool)

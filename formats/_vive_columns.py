@@ -155,12 +155,10 @@ def _poses(name: str, content: Mapping[str, Any]) -> dict[str, Mapping[str, Any]
         raise UsageError(
             f"{name}: [{other}] {'beside' if long else 'without'} device; expected [columns] with device = …, or [trackers.<name>] without"
         )
-    tables = {ONLY_TRACKER: content.get("columns")} if long else content.get("trackers")
-    if (
-        not isinstance(tables, Mapping)
-        or not tables
-        or not all(isinstance(table, Mapping) for table in tables.values())
-    ):
+    found = {ONLY_TRACKER: content.get("columns")} if long else content.get("trackers")
+    named = found.items() if isinstance(found, Mapping) else ()
+    tables = {str(tracker): table for tracker, table in named if isinstance(table, Mapping)}
+    if not tables or len(tables) < len(named):
         raise UsageError(f"{name}: no table [{here}{'' if long else '.<name>'}]; expected lines such as {EXAMPLE}")
     for tracker, table in tables.items():
         place = "columns" if long else f"trackers.{tracker}"
@@ -174,7 +172,7 @@ def _poses(name: str, content: Mapping[str, Any]) -> dict[str, Mapping[str, Any]
             raise UsageError(f"{name}: [{place}] unit = {table['unit']!r}; expected m, cm or mm")
         if not isinstance(table.get("role", ""), str):
             raise UsageError(f"{name}: [{place}] role = {table['role']!r}; expected a role or segment in quotes")
-    return dict(tables)
+    return tables
 
 
 def _check_keys(name: str, kind: str, table: Mapping[str, Any], known: Iterable[str]) -> None:

@@ -141,7 +141,7 @@ class Table:
     def words(self, columns: Sequence[int]) -> NDArray[np.str_]:
         """Texts (N, k) of those columns, without blanks around them."""
         try:
-            return np.char.strip(self._load(columns, np.str_))
+            return np.char.strip(np.asarray(self._load(columns, np.str_), np.str_))
         except ValueError as error:
             raise FormatError(self.name, " ".join(str(error).split()), place="below the header") from None
 

@@ -78,7 +78,7 @@ def _level(table: TableReader, links: Collection[str], arms: Mapping[str, Arm]) 
 
 
 def _task(table: TableReader, links: Collection[str], arms: Mapping[str, Arm]) -> LevelTask:
-    table.only(["segment", "kind", "gain_1_s", "link", "axis"])
+    table.only(["segment", "kind", "gain_1_s", "link", "axis", "weight"])
     segment = table.choice("segment", SEGMENTS)
     # `choice` lets nothing but these three through
     kind = cast(Literal["orientation", "position", "axis"], table.choice("kind", KINDS))
@@ -98,5 +98,10 @@ def _task(table: TableReader, links: Collection[str], arms: Mapping[str, Arm]) -
     if kind != "axis" and "axis" in table.table_:
         table.fail("axis", table.table_["axis"], "no axis unless kind is 'axis'")
     return LevelTask(
-        segment, kind, table.required_positive("gain_1_s"), table.text("link", ""), table.unit("axis", LevelTask.axis)
+        segment,
+        kind,
+        table.required_positive("gain_1_s"),
+        table.text("link", ""),
+        table.unit("axis", LevelTask.axis),
+        table.positive("weight") or LevelTask.weight,
     )

@@ -1,7 +1,7 @@
 """What the operator does: the three calibration poses, circles with eyes closed, carrying a box, clapping.
 
-Hands are planned in the chest's frame; the chest itself sways, bends and turns a little. Everything starts and ends at rest. Times are
-seconds, lengths metres, key angles degrees.
+Hands are planned in the chest's frame and so go with the chest, which bends and turns a little and, beside what is planned here, breathes and
+sways (`sway`). What is planned starts and ends at rest. Times are seconds, lengths metres, key angles degrees.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Calibration:
 
     @property
     def windows(self) -> Mapping[str, tuple[float, float]]:
-        """When the three poses are held, with 0.2 s to spare at either end."""
+        """When the three poses are held, with 0.2 s to spare at either end. In their middles the sway is in its own (`sway.MIDDLE`)."""
         return {"still": (0.2, 1.8), "tpose": (4.0, 5.6), "forward": (7.8, 9.4)}
 
     @property
@@ -138,7 +138,7 @@ class Circles:
 
     @property
     def body(self) -> Body:
-        """Sways by millimetres."""
+        """Shifts the weight by millimetres."""
         beats = np.arange(_CIRCLES_START, self.duration - 1.0, 1.7)
         sway = (-1.0) ** np.arange(len(beats))
         shift = [(0.5, 0.0), *zip(beats.tolist(), (0.004 * sway).tolist(), strict=True), (self.duration - 0.2, 0.0)]

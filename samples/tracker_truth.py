@@ -20,7 +20,7 @@ def golden(take: Take) -> dict[str, Any]:
     """Facts, and some frames of what truly happened, in the house's world. Free of the trackers' faults.
 
     `shoulder_m` and `hand_points_m` are in the operator frame: origin at the pelvis in the Still pose, +X where the person faces, as if
-    the chest had not moved since. `basis_m` has columns S - sh, T - sh, F - sh.
+    the chest had neither swayed nor moved since. `basis_m` has columns S - sh, T - sh, F - sh.
     """
     recording, operator = take.recording, take.task.operator
     calibration = true_calibration(take)

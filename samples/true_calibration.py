@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from retarget.core import rotations
 from retarget.core.calibration import SIDES, ArmCalibration, Calibration
+from retarget.core.segments import SEGMENTS
 from retarget.core.types import Array, HumanMotion
 from retarget.samples.arm_reach import ARM_LENGTH
 from retarget.samples.primitive_poses import Operator, candidate_distances
@@ -15,21 +16,19 @@ from retarget.samples.trackers import HAND_OFFSET
 def true_calibration(take: Take) -> Calibration:
     """The operator of `take` as the trackers strapped on for it would show him in the Still, T and Forward pose, free of faults.
 
-    The operator frame has its origin at the pelvis in the Still pose, in which every task starts, and the chest counts as not having moved
-    since. As with trackers, `chest_position` is where the chest's tracker is. Calibrations of takes with the same heading, origin and
+    The operator frame has its origin at the pelvis in the Still pose, in which every task starts, about which the body sways, and the chest
+    counts as not having moved since. As with trackers, `chest_position` is where the chest's tracker is. Calibrations of takes with the same heading, origin and
     `mount_seed` are the same but for `windows_s`, which is empty where the task has no such poses.
     """
     back = rotations.exp(np.array([0.0, 0.0, -take.heading_rad]))
-    origin = take.position("Pelvis")[0]
+    pose = take.still
+    origin = pose.position[0, pose.index("Pelvis")]
 
     def in_operator_frame(point: Array) -> Array:
         return rotations.rotate(back, point - origin)
 
-    still = {
-        segment: rotations.multiply(back, take.motion.orientation[0, take.motion.index(segment)])
-        for segment in take.mounts
-    }
-    chest = in_operator_frame(take.position("T8")[0])
+    still = {segment: rotations.multiply(back, pose.orientation[0, pose.index(segment)]) for segment in take.mounts}
+    chest = in_operator_frame(pose.position[0, pose.index("T8")])
     arms = {side: _arm(take.task.operator, side, chest + SHOULDER[side]) for side in SIDES}
     poses = {"still", "tpose", "forward"}
     windows = take.task.windows
@@ -48,11 +47,14 @@ def true_calibration(take: Take) -> Calibration:
 
 
 def true_motion(take: Take) -> HumanMotion:
-    """The six tracked segments, calibration attached, in the world of the take: true orientations; origins where trackers can put them.
+    """The six tracked segments in the operator frame, calibration attached, as `core.calibrate.apply` makes them of perfect trackers.
 
-    T8 and Head at their trackers, UpperArm at the shoulder's centre, Hand at the hand point.
+    Orientations are true; origins are where trackers can put them: T8 and Head at their trackers, UpperArm at the shoulder's centre, Hand
+    at the hand point.
     """
-    motion, segments = take.motion, tuple(take.mounts)
+    motion, calibration = take.motion, true_calibration(take)
+    segments = tuple(segment for segment in SEGMENTS if segment in take.mounts)
+    back = rotations.exp(np.array([0.0, 0.0, -take.heading_rad]))
     points = {f"{side}Hand": take.hand_point[side] for side in SIDES}
     points |= {f"{side}UpperArm": take.position(f"{side}UpperArm") for side in SIDES}
     for segment in ("T8", "Head"):
@@ -61,10 +63,12 @@ def true_motion(take: Take) -> HumanMotion:
     return HumanMotion(
         time=motion.time,
         segments=segments,
-        orientation=motion.orientation[:, [motion.index(segment) for segment in segments]],
-        position=np.stack([points[segment] for segment in segments], axis=1),
+        orientation=rotations.multiply(back, motion.orientation[:, [motion.index(segment) for segment in segments]]),
+        position=rotations.rotate(
+            back, np.stack([points[segment] for segment in segments], axis=1) - calibration.origin
+        ),
         source=motion.source,
-        calibration=true_calibration(take),
+        calibration=calibration,
     )
 
 

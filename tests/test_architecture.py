@@ -43,6 +43,8 @@ HEAVY_AT_LOAD = (
     "cli.calibration_picture",
     "cli.stick_figures",
     "cli.report_page",
+    "cli.comparison_figures",
+    "cli.comparison_page",
     "cli.validation_figures",
     "cli.validation_page",
     "cli.validation_views",
@@ -162,6 +164,7 @@ def loaded_by(code: str) -> set[str]:
         ["convert", "--help"],
         ["robots", "--help"],
         ["demo", "--help"],
+        ["compare", "--help"],
         ["validate", "--help"],
     ],
 )

@@ -19,7 +19,7 @@ HEIGHT_M = 0.15
 
 def one_to_one(hand: Array, height_m: float = HEIGHT_M) -> Array:
     """p_hand + (0, 0, height): hand points (T, 3) m, in the operator's pelvis frame → in the robot's."""
-    return hand + np.array([0.0, 0.0, height_m])
+    return np.asarray(hand + np.array([0.0, 0.0, height_m]))
 
 
 def pelvis_origin(model: RobotModel) -> Array:

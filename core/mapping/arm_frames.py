@@ -46,7 +46,7 @@ class ArmFrame:
 
 
 def arm_frames(model: RobotModel) -> dict[str, ArmFrame]:
-    """ "Left", "Right" → the robot's arm. Raises `ProfileError` where neither the profile nor the geometry tells."""
+    """Side → the robot's arm. Raises `ProfileError` where neither the profile nor the geometry tells."""
     return {side: _arm_frame(model, side) for side in SIDES}
 
 
@@ -70,9 +70,11 @@ def _derived(model: RobotModel, side: str) -> Arm:
     if upper is None or hand is None:
         lacking = f"{side}UpperArm and {side}ForeArm" if upper is None else f"{side}Hand"
         raise ProfileError(
-            model.profile.origin or model.profile.name, f"a hand mapping needs the {side.lower()} arm, but [links] lacks {lacking}",
-            place="[links]", expected=f"these links or a table [arms.{side}]",
-        )  # fmt: skip
+            model.profile.origin or model.profile.name,
+            f"a hand mapping needs the {side.lower()} arm, but [links] lacks {lacking}",
+            place="[links]",
+            expected=f"these links or a table [arms.{side}]",
+        )
     trunk = model.links.get("T8", model.base_link)
     rotation, origin = link_poses(model, [upper.link, trunk], model.reference_posture[None])
     centre = origin[0, 0] + rotation[0, 0] @ upper.proximal

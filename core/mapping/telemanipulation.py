@@ -1,8 +1,8 @@
 """What the three hand mappings of [Lim2022] share: everything but where the hands should be.
 
 The robot stands upright on its base at the origin, facing +X, and its base doesn't move; targets are in its world. The person is
-seen in the operator frame. Levels and gains are the robot's (`priority_levels`); tasks of one level weigh alike, and what the
-level weighs is the solver's affair.
+seen in the operator frame. Levels, gains and weights within a level are the robot's (`priority_levels`); what the level weighs is
+the solver's affair.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from retarget.core import rotations
 from retarget.core.calibration import SIDES, Calibration
 from retarget.core.errors import MotionError, ProfileError
-from retarget.core.mapping.arm_frames import arm_frames
+from retarget.core.mapping.arm_frames import ArmFrame, arm_frames
 from retarget.core.mapping.link_rotations import from_geometry, from_reference_posture
 from retarget.core.mapping.operator_arms import arm_plane
 from retarget.core.mapping.operator_frame import in_operator_frame
@@ -47,42 +47,80 @@ def targets_of(
     tasks = []
     for number, level in enumerate(priority_levels(model)):
         for wanted in level.tasks:
-            common = {"gain": wanted.gain, "level": number, "segment": wanted.segment}
             if wanted.kind == "position":
                 side = wanted.segment.removesuffix("Hand")
                 if side not in SIDES:
                     raise ProfileError(
-                        model.profile.origin or model.profile.name, f"position task of segment '{wanted.segment}'",
-                        place="[hierarchy]", expected="LeftHand or RightHand",
-                    )  # fmt: skip
-                value, offset = hands[side], arms[side].hand
-                tasks.append(
-                    Task(arms[side].hand_link, "position", value, rate(motion.time, value), offset=offset, **common)
-                )
-                continue
-            if not _measured(motion, wanted.segment):
-                continue
-            link, constant = _link(model, wanted, constants)
-            if wanted.kind == "axis" and wanted.segment.endswith("UpperArm"):
-                segment = arm_plane(motion, calibration, wanted.segment.removesuffix("UpperArm"))
-            else:
-                segment = mapped_orientation(motion, calibration, wanted.segment)
-            oriented = rotations.multiply(segment, rotations.from_matrix(constant))
-            if wanted.kind == "axis":
-                axis = np.array(wanted.axis) / np.linalg.norm(wanted.axis)
-                value = rotations.rotate(oriented, axis)
-                turning = np.cross(value, rate(motion.time, value))
-                tasks.append(Task(link, "axis", value, turning, axis=axis, **common))
-            else:
-                oriented = rotations.make_continuous(oriented)
-                turning = rotations.angular_velocity(motion.time, oriented)
-                tasks.append(Task(link, "orientation", oriented, turning, **common))
+                        model.profile.origin or model.profile.name,
+                        f"position task of segment '{wanted.segment}'",
+                        place="[hierarchy]",
+                        expected="LeftHand or RightHand",
+                    )
+                tasks.append(_position_task(motion.time, hands[side], wanted, number, arms[side]))
+            elif _measured(motion, wanted.segment):
+                tasks.append(_direction_task(motion, calibration, wanted, number, model, constants))
     return Targets(motion.time, tuple(tasks), name)
+
+
+def _position_task(time: Array, hand: Array, wanted: LevelTask, level: int, arm: ArmFrame) -> Task:
+    """Where the hand point of one arm is to be: hand (T, 3) m, world."""
+    return Task(
+        frame=arm.hand_link,
+        kind="position",
+        value=hand,
+        feed_forward=rate(time, hand),
+        level=level,
+        segment=wanted.segment,
+        offset=arm.hand,
+        gain=wanted.gain,
+        weight=np.array(wanted.weight),
+    )
+
+
+def _direction_task(
+    motion: HumanMotion,
+    calibration: Calibration,
+    wanted: LevelTask,
+    level: int,
+    model: RobotModel,
+    constants: Mapping[str, Array],
+) -> Task:
+    """Which way a link, or one axis of it, points: the segment's mapped orientation, the arm plane's for the axis of an upper arm."""
+    link, constant = _link(model, wanted, constants)
+    if wanted.kind == "axis" and wanted.segment.endswith("UpperArm"):
+        segment = arm_plane(motion, calibration, wanted.segment.removesuffix("UpperArm"))
+    else:
+        segment = mapped_orientation(motion, calibration, wanted.segment)
+    oriented = rotations.make_continuous(rotations.multiply(segment, rotations.from_matrix(constant)))
+    if wanted.kind == "orientation":
+        return Task(
+            frame=link,
+            kind="orientation",
+            value=oriented,
+            feed_forward=rotations.angular_velocity(motion.time, oriented),
+            level=level,
+            segment=wanted.segment,
+            gain=wanted.gain,
+            weight=np.array(wanted.weight),
+        )
+    axis = np.array(wanted.axis) / np.linalg.norm(wanted.axis)
+    pointing = rotations.rotate(oriented, axis)
+    return Task(
+        frame=link,
+        kind="axis",
+        value=pointing,
+        feed_forward=np.asarray(np.cross(pointing, rate(motion.time, pointing)), float),
+        level=level,
+        segment=wanted.segment,
+        axis=axis,
+        gain=wanted.gain,
+        weight=np.array(wanted.weight),
+    )
 
 
 def rate(time: Array, values: Array) -> Array:
     """Time derivative (T, 3) by central differences, zero for a single frame."""
-    return np.gradient(values, time, axis=0) if len(time) > 1 else np.zeros_like(values)
+    return np.asarray(np.gradient(values, time, axis=0)) if len(time) > 1 else np.zeros_like(values)
 
 
 def _measured(motion: HumanMotion, segment: str) -> bool:
@@ -96,9 +134,11 @@ def _link(model: RobotModel, wanted: LevelTask, constants: Mapping[str, Array]) 
     link = wanted.link or model.links.get(wanted.segment, "")
     if not link:
         raise ProfileError(
-            model.profile.origin or model.profile.name, f"the task of {wanted.segment} names no link",
-            place="[hierarchy]", expected="a link, or a segment of [links]",
-        )  # fmt: skip
+            model.profile.origin or model.profile.name,
+            f"the task of {wanted.segment} names no link",
+            place="[hierarchy]",
+            expected="a link, or a segment of [links]",
+        )
     if link == model.links.get(wanted.segment):
         return link, constants[wanted.segment]
     return link, from_reference_posture(model, {wanted.segment: link})[wanted.segment]

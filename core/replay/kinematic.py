@@ -5,6 +5,7 @@
 | can every joint be there, and get there in time? | `joint_checks`: ranges, coupled ranges, speeds, accelerations, jumps, stored velocities |
 | does the robot stand in the world as it should? | `base_checks`: floor, feet, tilt, speed, quaternion order |
 | do links run into each other? | the collision function that is given |
+| does it do what the person did? | `recording_check`: the limbs' directions, where the recording is at hand |
 | are frames missing? | here: gaps in time, frames that the solver marked |
 
 Which limit each check has, and why, stands in `thresholds.KINEMATIC`.
@@ -19,9 +20,10 @@ import numpy as np
 from retarget.core.replay.base_checks import check_base
 from retarget.core.replay.joint_checks import check_joints
 from retarget.core.replay.match import matched
+from retarget.core.replay.recording_check import check_recording
 from retarget.core.replay.thresholds import KINEMATIC, Thresholds
 from retarget.core.robot_model import RobotModel
-from retarget.core.types import Array, Check, JointTrajectory, ValidationReport
+from retarget.core.types import Array, Check, HumanMotion, JointTrajectory, ValidationReport
 
 if TYPE_CHECKING:
     from retarget.core.replay.collisions import SelfCollisions
@@ -34,22 +36,31 @@ Collide = Callable[[JointTrajectory], "SelfCollisions"]
 """Finds self-collisions of a trajectory whose joints stand in the model's order."""
 
 
-def check(trajectory: JointTrajectory, replay: ReplayModel, thresholds: Thresholds | None = None) -> ValidationReport:
+def check(
+    trajectory: JointTrajectory,
+    replay: ReplayModel,
+    thresholds: Thresholds | None = None,
+    motion: HumanMotion | None = None,
+) -> ValidationReport:
     """The report on `trajectory`, whose joints may stand in any order; `replay` is built with `self_collision`.
 
+    motion: the recording it was retargeted from, where it is at hand.
     series: (T,) each: "time", "problem/<joint or place>" (1 = at a limit) for a strip of problems over time, "foot_height_m/<side>" …
     facts: "self_collision_pairs", deepest first, among others.
     Raises `InvalidDataError` for joints that are not the model's (`match.matched`).
     """
     from retarget.core.replay.collisions import self_collisions
 
-    return check_numbers(trajectory, replay.robot, thresholds, lambda motion: self_collisions(replay, motion.position))
+    return check_numbers(
+        trajectory, replay.robot, thresholds, motion, lambda given: self_collisions(replay, given.position)
+    )
 
 
 def check_numbers(
     trajectory: JointTrajectory,
     model: RobotModel,
     thresholds: Thresholds | None = None,
+    motion: HumanMotion | None = None,
     collide: Collide | None = None,
 ) -> ValidationReport:
     """As `check`, needing no physics engine; without `collide` self-collision is not judged."""
@@ -60,11 +71,12 @@ def check_numbers(
     found = collide(trajectory) if collide else None
     touch, touch_series, pairs = _collisions(trajectory, limits, found)
     timing, timing_series = _timing(trajectory, limits)
-    by_name = {entry.name: entry for entry in (*joints, *touch, *base, *timing)}
+    person, person_series = check_recording(trajectory, model, motion, limits)
+    by_name = {entry.name: entry for entry in (*joints, *touch, *base, *timing, *person)}
     return ValidationReport(
         subject=model.profile.name,
         checks=tuple(by_name[row.name] for row in KINEMATIC),
-        series={"time": trajectory.time, **series, **base_series, **touch_series, **timing_series},
+        series={"time": trajectory.time, **series, **base_series, **touch_series, **timing_series, **person_series},
         mode=MODE,
         facts={"frames": trajectory.frames, "rate_hz": trajectory.rate_hz, "self_collision_pairs": pairs},
     )
@@ -77,7 +89,7 @@ def _collisions(
     if found is None:
         return [thresholds.check(name, None, "collisions were not looked for") for name in names], {}, []
     depth = 1e3 * found.depth_m
-    pairs = [
+    pairs: list[dict[str, Any]] = [
         {"links": list(links), "depth_mm": 1e3 * deepest, "time_s": float(trajectory.time[frame]), "frames": frames}
         for links, (deepest, frame, frames) in found.by_pair().items()
     ]

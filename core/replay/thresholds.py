@@ -69,6 +69,8 @@ KINEMATIC = (
     Threshold("base_turn_max_rad_s", "rad/s", 15, "people turn at up to 10; a flipped orientation has 100 and more"),
     Threshold("base_jump_max_m", "m", 0.1, "a step that stands out from the steps around it, as for joints"),
     Threshold("base_quaternion_swapped", "", 0, "1 where the base passes only with the quaternion's components in the other order"),
+    Threshold("limb_direction_error_deg", "deg", 45, "the worst limb beside the person's, in 95 % of the frames: good clips stay below 30, "
+              "joints that changed places reach 60 and more; mappings that follow hands alone leave elbows free and need more"),
     Threshold("time_gap_ratio", "", 2.5, "longest time between frames beside the median: one lost frame is 2, and bridged"),
     Threshold("marked_frames", "", 0, "frames that the solver gave up hold an older posture"),
 )  # fmt: skip

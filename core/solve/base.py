@@ -1,6 +1,6 @@
 """Root motion: orientations alone do not move the base. Three ways to place it, once the joints are known.
 
-fixed: as on a stand. human: the pelvis' path scaled by leg length. contact: what is on the ground stays where it is, and the lowest corner
+fixed: as on a stand. human: the pelvis' path scaled by hip height. contact: what is on the ground stays where it is, and the lowest corner
 of the soles is at ground height.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from retarget.core import rotations
 from retarget.core.contacts import foot_contacts
 from retarget.core.kinematics import Poses, link_poses
 from retarget.core.robot_model import RobotModel
@@ -72,7 +73,7 @@ def base_position(
 
 
 def scaled_pelvis_path(model: RobotModel, motion: HumanMotion) -> Array:
-    """The person's pelvis path (T, 3) m times robot leg length ÷ human leg length, from above the world's origin on; zero if untracked."""
+    """The person's pelvis path (T, 3) m times robot hip height ÷ human hip height, from above the world's origin on; zero if untracked."""
     if not motion.has("Pelvis"):
         return np.zeros((motion.frames, 3))
     path = motion.position[:, motion.index("Pelvis")]
@@ -83,22 +84,54 @@ def scaled_pelvis_path(model: RobotModel, motion: HumanMotion) -> Array:
 
 
 def leg_scale(model: RobotModel, motion: HumanMotion) -> float:
-    """Robot leg length ÷ human leg length (thigh + shank), 1 where either is unknown."""
+    """Robot hip height ÷ human hip height above the soles, legs straight; 1 where either is unknown.
+
+    Thigh and shank alone are not enough: TOCABI's ankles are 158 mm above its soles, a person's 80. They are compared where the robot has no
+    sole or the person's toes were not tracked.
+    """
     ratios = []
     for side in ("Left", "Right"):
-        robot = human = 0.0
-        for segment in (f"{side}UpperLeg", f"{side}LowerLeg"):
-            end = LIMB_END[segment]
-            if segment not in model.limbs or not (motion.has(segment) and motion.has(end)):
-                break
-            limb = model.limbs[segment]
-            robot += float(np.linalg.norm(limb.distal - limb.proximal))
-            bone = motion.position[0, motion.index(end)] - motion.position[0, motion.index(segment)]
-            human += float(np.linalg.norm(bone))
-        else:
+        human, human_ankle = _human_leg(motion, side)
+        robot, robot_ankle = _robot_leg(model, side)
+        if human_ankle is not None and robot_ankle is not None:
+            human, robot = human + human_ankle, robot + robot_ankle
+        if human > 0 and robot > 0:
             ratios.append(robot / human)
     scale = float(np.mean(ratios)) if ratios else 1.0
     return scale if np.isfinite(scale) and scale > 0 else 1.0
+
+
+def _human_leg(motion: HumanMotion, side: str) -> tuple[float, float | None]:
+    """Thigh and shank, m, from the first frame's joints, and how high the ankle is above the ball of the foot's joint, which lies on the sole."""
+    leg = 0.0
+    for segment in (f"{side}UpperLeg", f"{side}LowerLeg"):
+        end = LIMB_END[segment]
+        if not (motion.has(segment) and motion.has(end)):
+            return 0.0, None
+        leg += float(np.linalg.norm(motion.position[0, motion.index(end)] - motion.position[0, motion.index(segment)]))
+    toe = f"{side}Toe"
+    if not np.isfinite(leg) or not motion.has(toe):
+        return (leg if np.isfinite(leg) else 0.0), None
+    foot = motion.index(f"{side}Foot")
+    to_ball = motion.position[0, motion.index(toe)] - motion.position[0, foot]
+    # In the foot's own frame, upright in T-pose: the first frame may be in the middle of a step.
+    ankle = -float(rotations.rotate(rotations.conjugate(motion.orientation[0, foot]), to_ball)[2])
+    return leg, ankle if np.isfinite(ankle) else None
+
+
+def _robot_leg(model: RobotModel, side: str) -> tuple[float, float | None]:
+    """Thigh and shank, m, and how high the ankle is above the sole when the foot is as in the reference posture, flat."""
+    thigh, shank = model.limbs.get(f"{side}UpperLeg"), model.limbs.get(f"{side}LowerLeg")
+    if thigh is None or shank is None:
+        return 0.0, None
+    leg = float(np.linalg.norm(thigh.distal - thigh.proximal) + np.linalg.norm(shank.distal - shank.proximal))
+    foot = model.profile.feet.get(side)
+    if foot is None:
+        return leg, None
+    rotation, origin = link_poses(model, [shank.link, foot.link], model.reference_posture[None])
+    ankle = origin[0, 0] + rotation[0, 0] @ shank.distal
+    sole = origin[0, 1] + foot.sole @ rotation[0, 1].T
+    return leg, float(ankle[2] - sole[:, 2].mean())
 
 
 def _contact_path(model: RobotModel, motion: HumanMotion, corners: dict[str, Array]) -> Array:

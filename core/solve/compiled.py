@@ -1,4 +1,4 @@
-"""`FrameSolver` that follows a clip in compiled code (`kernel`), the extra `[fast]`: the same answers, several times as fast.
+"""`FrameSolver` that follows a clip in compiled code (`kernel`), the same answers, several times as fast.
 
 Frames that the kernel does not handle are solved by the NumPy solver, and the kernel goes on after them. Single frames, and with them all
 decisions between starts and basins, are the NumPy solver's.

@@ -37,7 +37,7 @@ written to that would keep it, every time; a frame costs 0.02 ms with it and 0.1
 class DynamicalOptions:
     """online: one QP per frame, with its own options; else frames are converged as `newton` says. starts: tried for the first frame.
 
-    kernel: "compiled" (numba, the extra [fast]), "numpy", or "auto", compiled if that is there and the clip long enough. Both give the same
+    kernel: "compiled" (numba), "numpy", or "auto", compiled if that is there and the clip long enough. Both give the same
     answers to 1e-9 rad; online is always NumPy.
     """
 
@@ -101,7 +101,7 @@ def solve(problem: OrientationProblem, options: DynamicalOptions, progress: Prog
 def _frame_solver(problem: OrientationProblem, options: DynamicalOptions) -> FrameSolver:
     frames = len(problem.time)
     if options.kernel == "compiled" and find_spec("numba") is None:
-        raise UsageError("the compiled kernel needs numba; expected pip install 'retarget[fast]', or the numpy kernel")
+        raise UsageError("the compiled kernel needs numba; expected pip install numba, or the numpy kernel")
     wanted = options.kernel == "compiled" or (options.kernel == "auto" and frames >= COMPILED_FRAMES)
     if not options.online and wanted:
         try:

@@ -49,7 +49,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_convert_five_minutes(benchmark: BenchmarkFixture, recording: Path, kernel: str) -> None:
     """The process as a user starts it: interpreter, imports, reading, solving, measuring, writing."""
     if kernel == "compiled":
-        pytest.importorskip("numba", reason="the compiled kernel needs the extra [fast]")
+        pytest.importorskip("numba", reason="numba is not there for this Python")
     output = recording.with_suffix(".mcap")
     command = [sys.executable, "-m", "retarget.cli", "convert", str(recording), "--robot", "g1", "-o", str(output)]
     command += ["--force", "--json", "-q", "--kernel", kernel]

@@ -263,7 +263,7 @@ def test_one_step_a_frame(benchmark: BenchmarkFixture, work: Work, tmp_path: Fil
 
 def test_converged_frames(benchmark: BenchmarkFixture, work: Work) -> None:
     """The offline default: the NumPy solver and the compiled kernel, following the clip frame by frame."""
-    pytest.importorskip("numba", reason="the compiled kernel needs the extra [fast]")
+    pytest.importorskip("numba", reason="numba is not there for this Python")
     from retarget.core.solve.compiled import CompiledSolver
 
     def follow(solver: FrameSolver) -> Run:

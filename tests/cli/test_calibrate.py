@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from click.testing import Result
 from retarget import samples
-from retarget.cli import main
 from retarget.core import calibration
 from retarget.core.types import TrackerRecording
 
@@ -24,11 +23,6 @@ HELD = [f"--{pose}={start:.2f}:{end:.2f}" for pose, (start, end) in windows().it
 NOISE_M = 1e-8
 """Enough for no two rows to be alike, which the reader would warn of."""
 ROLE_OPTIONS = [f"--roles={SERIAL[name]}={name}" for name in ROLES]
-
-
-@pytest.fixture(autouse=True)
-def known(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(main.COMMANDS, "calibrate", "")
 
 
 def write_log(path: Path, recording: TrackerRecording) -> Path:

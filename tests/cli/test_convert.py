@@ -22,11 +22,11 @@ Run = Callable[..., Result]
 FRAMES = 30
 
 CONTRACT = {
-    "input", "output", "robot", "method", "status", "error", "frames", "rate_hz", "duration_s", "wall_s", "frames_per_second",
+    "input", "output", "robot", "method", "mapping", "status", "error", "frames", "rate_hz", "duration_s", "wall_s", "frames_per_second",
     "metrics", "provenance",
 }  # fmt: skip
 METRICS = {
-    "limb_direction_error_deg", "orientation_error_deg", "position_limit_violations", "velocity_limit_violations",
+    "limb_direction_error_deg", "orientation_error_deg", "hand_position_error_mm", "position_limit_violations", "velocity_limit_violations",
     "max_velocity_ratio", "limit_active_fraction", "jerk_rms_rad_s3", "foot_skate_m_s", "ground_penetration_mm",
     "self_collision_fraction", "marked_frames", "unmeasured_segments",
 }  # fmt: skip
@@ -62,7 +62,12 @@ def test_json_holds_the_contract_and_the_numbers_agree_with_the_file(run: Run, w
     assert set(record["metrics"]["limb_direction_error_deg"]) == {"mean", "p95", "max", "per_limb"}
     assert set(record["metrics"]["orientation_error_deg"]) == {"mean", "p95", "max", "per_link"}
     assert (record["input"], record["output"], record["robot"]) == (str(walk), "walk.mcap", "g1")
-    assert (record["status"], record["error"], record["method"]) == ("ok", None, "limb_plane")
+    assert (record["status"], record["error"], record["method"], record["mapping"]) == (
+        "ok",
+        None,
+        "geometric",
+        "limb_plane",
+    )
     trajectory = formats.read_trajectory("walk.mcap")
     assert record["frames"] == trajectory.frames == FRAMES
     assert record["rate_hz"] == pytest.approx(60)

@@ -106,6 +106,41 @@ def test_paths_without_a_circle(points: Array, message: str) -> None:
         experiments.circle_index(points)
 
 
+def drawn(
+    turns: float, *, way: int = 1, noise_m: float = 0.0, lead_s: float = 1.0, period_s: float = 2.0
+) -> tuple[Array, Array]:
+    """(time, path) at 90 Hz: the hand rests, comes 0.3 m from below to the circle's lowest point, draws, goes back, rests."""
+    come = np.linspace(-0.3, 0.0, 46)[:-1, None] * [0, 0, 1] + [0.4, 0, -0.15]
+    angle = way * np.linspace(0, 2 * np.pi * turns, int(90 * period_s * turns)) - np.pi / 2
+    round_ = np.stack([0 * angle + 0.4, 0.15 * np.cos(angle), 0.15 * np.sin(angle)], axis=1)
+    rest = np.tile(come[0], (int(90 * lead_s), 1))
+    path = np.concatenate([rest, come, round_, round_[-1] + (come - come[-1])[::-1], rest])
+    path = path + np.random.default_rng(3).normal(scale=noise_m, size=path.shape)
+    return np.arange(len(path)) / 90, path
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("noise_m", [0.0, 0.002])
+def test_circles_are_found_between_coming_and_going(way: int, noise_m: float) -> None:
+    """Four turns of 2 s from 1.5 s on; the hand rests a second before and after, and comes and goes at a right angle, which averages
+    into the circle over TURN_SMOOTH_S."""
+    time, path = drawn(4, way=way, noise_m=noise_m)
+    window = experiments.find_circle(time, path)
+    assert window is not None
+    assert 1.5 < window[0] < window[1] < 9.5
+    assert window == pytest.approx((1.5, 9.5), abs=0.25)
+
+
+def test_what_is_no_circle() -> None:
+    """One turn, going to and fro, standing still, and hardly a recording."""
+    time = np.arange(900) / 90
+    swing = 0.2 * np.sin(4 * time)[:, None] * [0.0, 1.0, 0.5]
+    assert experiments.find_circle(*drawn(1.2)) is None
+    assert experiments.find_circle(time, swing) is None
+    assert experiments.find_circle(time, np.zeros((900, 3))) is None
+    assert experiments.find_circle(time[:2], swing[:2]) is None
+
+
 def test_circle_indices_of_a_clip(make_motion: MotionFactory, build_robot: Callable[[str], Any]) -> None:
     """Hands that draw circles, slightly egg-shaped: the calibration's basis is 0.55 m · axes, so nothing becomes rounder or less
     round."""

@@ -63,6 +63,7 @@ segment = "LeftUpperArm"
 kind = "axis"
 axis = [0, 0, -1]
 gain_1_s = 50
+weight = 0.25
 [[hierarchy.levels.tasks]]
 segment = "Head"
 kind = "axis"
@@ -93,7 +94,7 @@ def test_everything_said_arrives(tmp_path: Path) -> None:
     assert first.tasks == (LevelTask("LeftHand", "position", 200.0),)
     assert (second.weight, second.acceleration_s2) == (50.0, 0.0)
     assert second.tasks == (
-        LevelTask("LeftUpperArm", "axis", 50.0, "", (0.0, 0.0, -1.0)),
+        LevelTask("LeftUpperArm", "axis", 50.0, "", (0.0, 0.0, -1.0), 0.25),
         LevelTask("Head", "axis", 60.0, "head_link", (1.0, 0.0, 0.0)),
     )
 

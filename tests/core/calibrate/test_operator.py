@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from retarget import formats, samples
 from retarget.core import rotations
-from retarget.core.calibrate.operator import calibrate, virtual_trackers
+from retarget.core.calibrate.operator import calibrate
+from retarget.core.calibrate.roles import virtual_trackers
 from retarget.core.calibration import Calibration
 from retarget.core.errors import MotionError, UsageError
 from retarget.core.types import HumanMotion, TrackerRecording

@@ -41,6 +41,7 @@ def test_derived_gains_and_weights_are_the_papers(build_robot: RobotBuilder) -> 
     assert [level.weight for level in levels] == [50.0, 50.0, 5.0]
     assert [level.acceleration_s2 for level in levels] == [0.0, 0.0, 4e-5]
     assert [[task.gain for task in level.tasks] for level in levels] == [[100], [200, 200, 100, 100, 200], [100, 100]]
+    assert [[task.weight for task in level.tasks] for level in levels] == [[1], [1, 1, 0.01, 0.01, 1], [1, 1]]
 
 
 def test_an_upper_arms_axis_is_its_elbows(build_robot: RobotBuilder) -> None:

@@ -1,4 +1,4 @@
-"""Small robots written on the spot, every packaged robot as a simulation model, and the samples retargeted to them."""
+"""Small robots written on the spot, every packaged robot as a simulation model, and the samples on them."""
 
 from __future__ import annotations
 
@@ -86,19 +86,21 @@ def replayed(
 
 
 @pytest.fixture(scope="session")
-def clip() -> Callable[[str, str], tuple[JointTrajectory, Any]]:
-    """`clip(robot, sample)` → (trajectory, `RobotModel`), each computed once per session."""
+def clip() -> Callable[..., tuple[JointTrajectory, RobotModel]]:
+    """`clip(robot, sample, start_s=None, end_s=None)` → (retargeted trajectory, its robot), each computed once per session."""
 
     @cache
-    def make(robot: str, sample: str) -> tuple[JointTrajectory, Any]:
+    def make(
+        robot: str, sample: str, start_s: float | None = None, end_s: float | None = None
+    ) -> tuple[JointTrajectory, RobotModel]:
         motion = formats.read_motion(samples.sample_path(sample))
         model = robot_model.build(robots.load(robot), motion)
-        return convert(motion, model, ConvertOptions()).trajectory, model
+        return convert(motion, model, ConvertOptions(start_s=start_s, end_s=end_s)).trajectory, model
 
     return make
 
 
 @pytest.fixture
-def walking(clip: Callable[[str, str], tuple[JointTrajectory, Any]]) -> tuple[JointTrajectory, Any]:
+def walking(clip: Callable[..., tuple[JointTrajectory, RobotModel]]) -> tuple[JointTrajectory, RobotModel]:
     """The walk on G1: 60 Hz, ends in a turn of 90° to the left."""
     return clip("g1", "walk")

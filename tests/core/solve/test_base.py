@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from retarget import robots
-from retarget.core import robot_model
+from retarget.core import robot_model, rotations
 from retarget.core.segments import SEGMENTS
 from retarget.core.solve import base
 from retarget.core.types import Array, HumanMotion
@@ -63,6 +63,16 @@ def corners_by_pinocchio(model: robot_model.RobotModel, joints: Array, turn: Arr
     return np.array(found)
 
 
+def hip_height(model: robot_model.RobotModel) -> float:
+    """Of the left hip's centre above the sole, standing in the reference posture, by pinocchio."""
+    data = model.pin_model.createData()
+    pin.framesForwardKinematics(model.pin_model, data, model.configuration(model.reference_posture))
+    hip, foot = model.limbs["LeftUpperLeg"], model.profile.feet["Left"]
+    top = data.oMf[model.pin_model.getFrameId(hip.link)].act(hip.proximal)
+    sole = data.oMf[model.pin_model.getFrameId(foot.link)].act(foot.sole.mean(axis=0))
+    return float(top[2] - sole[2])
+
+
 def test_the_standing_foot_stays_where_it_is(g1: robot_model.RobotModel) -> None:
     """Left foot on the ground for the first second, the right one for the second: each sole's centre must not move meanwhile."""
     contacts = np.zeros((FRAMES, 4))
@@ -97,17 +107,13 @@ def test_the_lowest_corner_is_on_the_ground(g1: robot_model.RobotModel) -> None:
 
 
 def test_flight_follows_the_person(g1: robot_model.RobotModel) -> None:
-    """Nothing on the ground: the horizontal path is the person's times the ratio of leg lengths."""
+    """Nothing on the ground: the horizontal path is the person's times the ratio of hip heights above the soles."""
     pelvis = np.stack([1.5 * TIME, 0.5 * TIME, 0.95 + 0.0 * TIME], axis=1)
     joints, turn = swaying(g1)
     motion = person(np.zeros((FRAMES, 4)), pelvis)
     at = base.base_position("contact", g1, motion, joints, turn)
-    robot_leg = sum(
-        np.linalg.norm(g1.limbs[f"Left{part}"].distal - g1.limbs[f"Left{part}"].proximal)
-        for part in ("UpperLeg", "LowerLeg")
-    )
-    scale = robot_leg / (0.9 - 0.08)
-    np.testing.assert_allclose(at[-1, :2] - at[0, :2], scale * (pelvis[-1] - pelvis[0])[:2], rtol=1e-9)
+    scale = hip_height(g1) / 0.9
+    np.testing.assert_allclose(at[-1, :2] - at[0, :2], scale * (pelvis[-1] - pelvis[0])[:2], rtol=1e-4)
 
 
 def test_a_jump_leaves_the_ground_by_the_scaled_height(g1: robot_model.RobotModel) -> None:
@@ -137,6 +143,29 @@ def test_fixed_mode_stands_still_on_the_ground(g1: robot_model.RobotModel) -> No
     assert not np.diff(at, axis=0).any()
     lowest = corners_by_pinocchio(g1, joints[:1], upright[:1], at[:1], "Left")[..., 2].min()
     assert lowest == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("name", "rtol"), [("g1", 1e-4), ("icub", 1e-6), ("talos", 1e-6), ("tocabi", 1e-6)])
+def test_leg_scale_compares_hips_above_soles(name: str, rtol: float) -> None:
+    """The person's hips are 0.9 m above the soles, 80 mm of it below the ankle; how the legs and feet are held doesn't matter."""
+    model = robot_model.build(robots.load(name))
+    assert base.leg_scale(model, person(None)) == pytest.approx(hip_height(model) / 0.9, rel=rtol)
+    stride = person(None)
+    position, orientation = np.array(stride.position), np.array(stride.orientation)
+    turn = rotations.exp(np.array([0.3, -0.8, 0.5]))
+    legs = [i for i, segment in enumerate(SEGMENTS) if segment.endswith(("Leg", "Foot", "Toe"))]
+    position[:, legs] = rotations.rotate(turn, position[:, legs])
+    orientation[:, legs] = turn
+    striding = replace(stride, position=position, orientation=orientation)
+    assert base.leg_scale(model, striding) == pytest.approx(hip_height(model) / 0.9, rel=rtol)
+
+
+def test_leg_scale_without_toes_compares_thighs_and_shanks(g1: robot_model.RobotModel) -> None:
+    motion = person(None)
+    measured = np.array(["Toe" not in name for name in SEGMENTS])
+    bones = [g1.limbs[f"Left{part}"] for part in ("UpperLeg", "LowerLeg")]
+    length = sum(np.linalg.norm(bone.distal - bone.proximal) for bone in bones)
+    assert base.leg_scale(g1, replace(motion, measured=measured)) == pytest.approx(length / (0.9 - 0.08))
 
 
 def test_leg_scale_is_one_without_legs(g1: robot_model.RobotModel) -> None:

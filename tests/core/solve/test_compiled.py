@@ -18,7 +18,7 @@ from retarget.core.solve.problem import orientation_problem
 from retarget.core.solve.starts import best_start
 from retarget.core.types import FRAME_MARKED, Array, HumanMotion, Targets, Task
 
-pytest.importorskip("numba", reason="numba (the extra [fast]) is not installed")
+pytest.importorskip("numba", reason="numba is not there for this Python")
 from retarget.core.solve import kernel
 from retarget.core.solve.compiled import CompiledSolver
 

@@ -1,0 +1,62 @@
+"""The robot's limbs beside those of the person it was retargeted from, where the recording is at hand.
+
+Joints that changed places can stay inside every limit: then only the pose tells, and only beside the person's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from retarget.core import metrics, rotations
+from retarget.core.kinematics import Poses
+from retarget.core.mapping.heading import without_heading
+from retarget.core.replay.signals import worst
+from retarget.core.replay.thresholds import Thresholds
+from retarget.core.robot_model import RobotModel
+from retarget.core.types import Array, Check, HumanMotion, JointTrajectory
+
+NAME = "limb_direction_error_deg"
+SHARE_PERCENT = 95
+"""The error that so many of the frames stay below: a moment at a joint's limit is not a wrong joint."""
+
+
+def check_recording(
+    trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion | None, thresholds: Thresholds
+) -> tuple[list[Check], dict[str, Array]]:
+    """(the check of the limb whose direction is furthest off in 95 % of the frames, series["problem/<segment>"] (T,), 1 = at the limit).
+
+    motion: what was retargeted, uncut or cut, at any rate, on the trajectory's clock; compared over the time that both have.
+    """
+    if motion is None:
+        return [thresholds.check(NAME, None, "no recording is at hand")], {}
+    limbs = {segment: limb for segment, limb in model.limbs.items() if motion.has(segment)}
+    time = trajectory.time
+    both = (time >= motion.time[0] - 1e-9) & (time <= motion.time[-1] + 1e-9)
+    if not limbs or not both.any():
+        why = "the robot and the recording share no limb" if not limbs else "the recording is of another time"
+        return [thresholds.check(NAME, None, why)], {}
+    if not model.base_is_floating:
+        motion = without_heading(motion, model.profile.base_segment)
+    links = [limb.link for limb in limbs.values()]
+    rotation = Poses.of(
+        model, links, trajectory.position, trajectory.base_orientation, trajectory.base_position
+    ).rotations_of(links)
+    errors = np.zeros((trajectory.frames, len(limbs)))
+    for i, (segment, limb) in enumerate(limbs.items()):
+        errors[:, i] = np.degrees(rotations.vector_angle(rotation[:, i] @ limb.bone, _direction(motion, segment, time)))
+    errors[~both] = 0.0
+    usual = np.percentile(errors[both], SHARE_PERCENT, axis=0)
+    furthest = int(np.argmax(usual))
+    name = tuple(limbs)[furthest]
+    peak = worst(errors[:, [furthest]], time, (name,))
+    note = f"exceeded in {100 - SHARE_PERCENT} % of the frames; {peak.value:.0f}° there" if peak.value > 0 else ""
+    check = thresholds.check(NAME, float(usual[furthest]), note, where=name, time_s=peak.time_s)
+    limit = thresholds.limits[NAME]
+    strips = {f"problem/{segment}": errors[:, i] / limit for i, segment in enumerate(limbs)} if limit else {}
+    return [check], strips
+
+
+def _direction(motion: HumanMotion, segment: str, time: Array) -> Array:
+    """(T, 3) the person's limb at `time` (T,) s, linearly between frames; its length has no meaning."""
+    line = metrics.person_limb(motion, segment)
+    line = line / np.linalg.norm(line, axis=1, keepdims=True)
+    return np.stack([np.interp(time, motion.time, line[:, k]) for k in range(3)], axis=1)
