@@ -12,8 +12,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from retarget.cli.clip import model_for, read_motion, robot_model, without_nan
+from retarget.cli.clip import model_for, robot_model, without_nan
 from retarget.cli.plan import PIPE
+from retarget.cli.tracker_logs import read_calibrated
 from retarget.core.errors import InvalidDataError, MotionError, RetargetError, UnknownNameError, UsageError
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class Job:
     """One trajectory to judge.
 
     input: path, or "-" for stdin. robot: name or profile path, None = the trajectory's own. overrides: "NAME=VALUE" of thresholds.
-    csv_style, joint_order, quaternion_order, rate_hz: what a file doesn't say of itself. recording: the person's motion, for pictures.
+    csv_style, joint_order, quaternion_order, rate_hz: what a file doesn't say of itself. recording, calibration: the person's motion, for pictures and the limbs' directions, and the operator a tracker log needs.
     video, log, page: paths, "" for none. wants_section: the page's content is to come back.
     """
 
@@ -49,6 +50,7 @@ class Job:
     quaternion_order: Literal["wxyz", "xyzw"] | None = None
     rate_hz: float | None = None
     recording: str | None = None
+    calibration: str | None = None
     video: str = ""
     log: str = ""
     page: str = ""
@@ -92,7 +94,7 @@ def thresholds_of(mode: str, path: str | None, overrides: Sequence[str]) -> dict
 def validate_clip(job: Job) -> Done:
     """Read and judge `job`, write what it asks for. Raises `RetargetError` when it can't be judged."""
     started = time.perf_counter()
-    motion = read_motion(job.recording) if job.recording else None
+    motion = read_calibrated(job.recording, job.calibration, {}) if job.recording else None
     trajectory, model, warnings = _read(job, motion)
     limits = thresholds_of(job.mode, job.thresholds_file, job.overrides)
     try:

@@ -27,6 +27,7 @@ SHOTS, SHOT_SIZE = 6, (384, 480)
 FILM_SIZE, FILM_RATE_HZ, VIEW_RATE_HZ = (800, 600), 30, 120
 """Width and height in pixels."""
 PLACES = {"self-collision": "links in each other", "timing": "frames missing"}
+LIMB = "limb unlike the person's"
 MOTION, FEET = "motion beyond a limit", "base or feet beyond a limit"
 TORQUE, TRACKING = "torque at its limit", "tracking error beyond its limit"
 SATURATED = 1.0 - 1e-9
@@ -84,7 +85,8 @@ def curves_of(
         if place in joints:
             own[MOTION][:, joints.index(place)] = pooled
         else:
-            places[place] = (PLACES.get(place, FEET), pooled)
+            kind = LIMB if place in model.limbs else PLACES.get(place, FEET)
+            places[place] = (kind, pooled)
     common: dict[str, Any] = {"joints": joints, "lower": model.lower, "upper": model.upper, "strip_time": edges}
     common["sliding"] = _sliding(model)
     if "fixed" not in reports:

@@ -269,6 +269,8 @@ REFUSED: dict[str, tuple[list[str], int, str]] = {
     "one log for two": (["wave.mcap", "sub/wave.mcap", "--log", "a.h5"], 2, "a.h5: would replace the output a.h5"),
     "report exists": (["wave.mcap", "--report", "old.html"], 2, "old.html: exists; --force replaces it"),
     "onto the input": (["wave.mcap", "--log", "x.h5", "--report", "wave.mcap.html", "--thresholds", "no.toml"], 2, "no.toml"),
+    "calibration alone": (["wave.mcap", "--calibration", "me.json"], 2, "--calibration is of the --recording"),
+    "missing recording": (["wave.mcap", "--recording", "wolk.mvnx"], 2, "wolk.mvnx: no such file; did you mean walk.mvnx"),
     "two to view": (["wave.mcap", "sub/wave.mcap", "--view"], 2, "--view"),
     "headerless without robot": (["line.csv", "--csv-style", "unitree"], 2, "names no robot; give --robot"),
     "headerless of other width": (
