@@ -13,6 +13,7 @@ import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
 from retarget.cli.main import unexpected
+from retarget.cli.plan import PIPE
 from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:

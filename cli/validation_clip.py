@@ -142,8 +142,11 @@ def _judge(
     limits: Mapping[str, Thresholds],
 ) -> tuple[JointTrajectory, dict[str, ValidationReport], float]:
     """(the trajectory in the model's joint order, mode → report, seconds that judging took)."""
+    import mujoco
     from retarget.core.replay import kinematic, match
 
+    # By itself MuJoCo writes its warnings into a file in the current folder; a simulation that blows up is a check of its own.
+    mujoco.set_mju_user_warning(lambda _text: None)
     trajectory = match.matched(trajectory, model)
     held = replay_model(job, model, "held")
     begin = time.perf_counter()

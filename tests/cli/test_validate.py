@@ -368,3 +368,16 @@ def test_without_pyav_there_is_no_video(run: Run, wave: Path, monkeypatch: pytes
     result = run("validate", wave, "--video", "wave.mp4")
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr == "retarget: --video needs PyAV, which is not installed; pip install 'retarget[video]'\n"
+
+
+def test_a_film_shows_the_whole_clip_in_real_time(run: Run, wave: Path, tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="the extra [video] is not installed")
+    result = run("validate", wave, "--video", "{stem}.mp4", "-q")
+    if "no picture can be drawn" in result.stderr:
+        pytest.skip(result.stderr)
+    assert result.exit_code == 0
+    with av.open(str(tmp_path / "wave.mp4")) as film:
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    assert len(frames) == 16  # 0.5 s at 30 Hz, both ends
+    assert all(frame.std() > 10 for frame in frames)
+    assert np.abs(frames[-1].astype(int) - frames[0]).max() > 50  # the arms moved
