@@ -70,13 +70,12 @@ def collect_inputs(
         raise UsageError(f"no input; give {what}, or --files-from")
     if named.count(PIPE) > 1 or (PIPE in named and files_from == PIPE):
         raise UsageError("stdin ('-') can be read only once")
-    suffixes = tuple(
-        suffix
+    readable = [
+        format_
         for format_ in formats.available().values()
-        if getattr(format_, f"read_{kind}") or (logs and format_.read_trackers)
-        for suffix in format_.suffixes
-        if suffix != ".txt"
-    )
+        if getattr(format_, f"read_{kind}") is not None or (logs and format_.read_trackers is not None)
+    ]
+    suffixes = tuple(suffix for format_ in readable for suffix in format_.suffixes if suffix != ".txt")
     found: list[str] = []
     for name in named:
         if name == PIPE or not Path(name).is_dir():

@@ -14,6 +14,8 @@ def control_patterns(profile: RobotProfile) -> Iterator[tuple[str, str]]:
     hierarchy, torque = profile.hierarchy, profile.torque
     yield from ((name, "[hierarchy] joints") for name in hierarchy.joints)
     yield from ((name, "[hierarchy.extra_inertia]") for name in hierarchy.extra_inertia)
+    yield from ((name, "[hierarchy.lower_rad]") for name in hierarchy.lower)
+    yield from ((name, "[hierarchy.upper_rad]") for name in hierarchy.upper)
     yield from ((name, "[torque.stiffness_nm_rad]") for name in torque.stiffness)
     yield from ((name, "[torque.damping_nms_rad]") for name in torque.damping)
     yield from ((name, "[torque.limit_nm]") for name in torque.torque_limit)
@@ -36,6 +38,8 @@ def with_joint_names(profile: RobotProfile, joints: Sequence[str]) -> RobotProfi
             hierarchy,
             joints=tuple(joint for joint in joints if any(fnmatchcase(joint, name) for name in hierarchy.joints)),
             extra_inertia=_values(hierarchy.extra_inertia, joints),
+            lower=_values(hierarchy.lower, joints),
+            upper=_values(hierarchy.upper, joints),
         ),
         torque=replace(
             torque,

@@ -145,11 +145,14 @@ class Hierarchy:
     """A robot's strict priorities [Lim2022 sec. III]; levels in order, empty = derived from what the profile maps.
 
     joints: the joints that may move, names or patterns with *; empty = all that carry a mapped link. limit_gain: K_q, 1/s.
-    hand_speed_m_s, hand_rate_rad_s: box on hand velocities. inertia_diagonal: added to A's diagonal everywhere; `extra_inertia`: joint → more.
+    lower, upper: joint → rad, limits narrower than the joint's own: an
+    elbow that could bend backward must not, when only the hand says where to go. hand_speed_m_s, hand_rate_rad_s: box on hand velocities. inertia_diagonal: added to A's diagonal everywhere; `extra_inertia`: joint → more.
     """
 
     levels: tuple[Level, ...] = ()
     joints: tuple[str, ...] = ()
+    lower: Mapping[str, float] = field(default_factory=dict)
+    upper: Mapping[str, float] = field(default_factory=dict)
     limit_gain: float = 20.0
     hand_speed_m_s: float = 2.0
     hand_rate_rad_s: float = 6.0

@@ -26,13 +26,17 @@ def parse_hierarchy(table: TableReader, links: Collection[str], arms: Mapping[st
     """
     table.only(
         [
-            "joints", "limit_gain_1_s", "hand_speed_m_s", "hand_rate_rad_s", "inertia_diagonal", "extra_inertia", "levels",
+            "joints", "limit_gain_1_s", "hand_speed_m_s", "hand_rate_rad_s", "inertia_diagonal", "extra_inertia", "lower_rad",
+            "upper_rad", "levels",
         ]
     )  # fmt: skip
     default, extra = Hierarchy(), table.table("extra_inertia")
+    lower, upper = table.table("lower_rad"), table.table("upper_rad")
     return Hierarchy(
         levels=tuple(_level(entry, links, arms) for entry in table.tables("levels")),
         joints=tuple(table.texts("joints")),
+        lower={joint: lower.number(joint) for joint in lower.table_},
+        upper={joint: upper.number(joint) for joint in upper.table_},
         limit_gain=table.positive("limit_gain_1_s") or default.limit_gain,
         hand_speed_m_s=table.positive("hand_speed_m_s") or default.hand_speed_m_s,
         hand_rate_rad_s=table.positive("hand_rate_rad_s") or default.hand_rate_rad_s,

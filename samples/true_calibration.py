@@ -17,8 +17,8 @@ def true_calibration(take: Take) -> Calibration:
     """The operator of `take` as the trackers strapped on for it would show him in the Still, T and Forward pose, free of faults.
 
     The operator frame has its origin at the pelvis in the Still pose, in which every task starts, about which the body sways, and the chest
-    counts as not having moved since. As with trackers, `chest_position` is where the chest's tracker is. Calibrations of takes with the same heading, origin and
-    `mount_seed` are the same but for `windows_s`, which is empty where the task has no such poses.
+    counts as not having moved since. As with trackers, `chest_position` is where the chest's tracker is. Calibrations of takes with the same
+    heading, origin and `mount_seed` are the same but for `windows_s`, which is empty where the task has no such poses.
     """
     back = rotations.exp(np.array([0.0, 0.0, -take.heading_rad]))
     pose = take.still

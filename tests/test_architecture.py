@@ -162,10 +162,11 @@ def loaded_by(code: str) -> set[str]:
         ["--help"],
         ["--version"],
         ["convert", "--help"],
-        ["robots", "--help"],
-        ["demo", "--help"],
+        ["calibrate", "--help"],
         ["compare", "--help"],
         ["validate", "--help"],
+        ["robots", "--help"],
+        ["demo", "--help"],
     ],
 )
 def test_help_loads_nothing_heavy(arguments: list[str]) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -211,8 +210,8 @@ _SCREEN = _screen()
 
 def _centred(points: Array) -> Array:
     """Points (P, 3) with their horizontal middle at the origin."""
-    finite: Sequence[Any] = points[np.isfinite(points).all(axis=1), :2]
-    return np.asarray(points - np.array([*np.mean(finite, axis=0), 0.0]))
+    middle = points[np.isfinite(points).all(axis=1), :2].mean(axis=0)
+    return np.asarray(points - np.append(middle, 0.0))
 
 
 def _one_line(error: BaseException) -> str:

@@ -22,7 +22,7 @@ from retarget.core.robot_model import RobotModel
 from retarget.core.solve.cascade import Cascade, CascadeStep
 from retarget.core.solve.dynamical import Solution
 from retarget.core.solve.limits import nearest_feasible
-from retarget.core.solve.priorities import hand_points, moving_columns, priorities, sorted_tasks
+from retarget.core.solve.priorities import hand_points, moving_columns, narrowed, priorities, sorted_tasks
 from retarget.core.solve.problem import VELOCITY_MARGIN, coupled_rows
 from retarget.core.solve.task_rows import ROWS_OF, TaskRows
 from retarget.core.solve.task_samples import TaskSample, TaskSamples
@@ -145,6 +145,7 @@ class HierarchicalSolver:
 
     def __init__(self, targets: Targets, model: RobotModel, options: HierarchicalOptions) -> None:
         _check_finite(targets, model)
+        model = narrowed(model)
         self._model, self._options, self._time = model, options, targets.time
         self.columns = moving_columns(targets, model)
         self.tasks = sorted_tasks(targets, model, self.columns)

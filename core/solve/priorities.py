@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
 from numpy.typing import NDArray
-from retarget.core.errors import SolverError, nearest
+from retarget.core.errors import ProfileError, SolverError, nearest
 from retarget.core.profile import Level
 from retarget.core.robot_model import RobotModel
 from retarget.core.solve.problem import joint_paths
@@ -84,3 +84,27 @@ def frame_joint(model: RobotModel, frame: str) -> int:
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise SolverError(f"robot '{model.profile.name}' has no frame '{frame}'{hint}")
     return model.link_in_joint(frame)[0]
+
+
+def narrowed(model: RobotModel) -> RobotModel:
+    """`model` with the joint limits that its hierarchy narrows, and the reference posture inside them.
+
+    Raises `ProfileError` where no value is left.
+    """
+    hierarchy = model.profile.hierarchy
+    if not hierarchy.lower and not hierarchy.upper:
+        return model
+    lower, upper = model.lower.copy(), model.upper.copy()
+    for joint, value in hierarchy.lower.items():
+        lower[model.joint_index(joint)] = max(value, lower[model.joint_index(joint)])
+    for joint, value in hierarchy.upper.items():
+        upper[model.joint_index(joint)] = min(value, upper[model.joint_index(joint)])
+    if (lower > upper).any():
+        at = int(np.argmax(lower > upper))
+        raise ProfileError(
+            model.profile.origin or model.profile.name,
+            f"joint {model.joint_names[at]} would have to stay above {lower[at]:g} and below {upper[at]:g} rad",
+            place="[hierarchy.lower_rad] and [hierarchy.upper_rad]",
+            expected="limits that overlap with the joint's own",
+        )
+    return replace(model, lower=lower, upper=upper, reference_posture=np.clip(model.reference_posture, lower, upper))

@@ -52,6 +52,11 @@ inertia_diagonal = 0
 "*_shoulder_*" = 1
 left_shoulder_roll_joint = 7
 
+[hierarchy.lower_rad]
+"*_elbow_joint" = -0.5
+[hierarchy.upper_rad]
+right_elbow_joint = 1.2
+
 [[hierarchy.levels]]
 weight = 20
 acceleration_s2 = 1e-4
@@ -89,6 +94,8 @@ def test_everything_said_arrives(tmp_path: Path) -> None:
     hierarchy = mine.hierarchy
     assert (hierarchy.limit_gain, hierarchy.hand_speed_m_s, hierarchy.hand_rate_rad_s) == (10.0, 1.5, 4.0)
     assert hierarchy.inertia_diagonal == 0.0
+    assert hierarchy.lower == {"*_elbow_joint": -0.5}
+    assert hierarchy.upper == {"*_elbow_joint": 1.55, "right_elbow_joint": 1.2}  # the parent's own stays
     first, second = hierarchy.levels
     assert (first.weight, first.acceleration_s2) == (20.0, 1e-4)
     assert first.tasks == (LevelTask("LeftHand", "position", 200.0),)
@@ -105,6 +112,8 @@ def test_patterns_become_joint_names_and_the_last_match_wins(tmp_path: Path) -> 
     assert set(hierarchy.joints) == {
         "waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint", "left_elbow_joint", "right_elbow_joint",
     }  # fmt: skip
+    assert hierarchy.lower == {"left_elbow_joint": -0.5, "right_elbow_joint": -0.5}
+    assert hierarchy.upper == {"left_elbow_joint": 1.55, "right_elbow_joint": 1.2}
     assert hierarchy.extra_inertia == {
         f"{side}_shoulder_{axis}_joint": 7.0 if (side, axis) == ("left", "roll") else 1.0
         for side in ("left", "right")

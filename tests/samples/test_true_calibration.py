@@ -71,7 +71,7 @@ def test_trackers_make_the_motion(serials: bool) -> None:
         tracker = back * _scipy(recording.orientation[:, place[segment]])
         made = tracker * _scipy(calibration.tracker_rotation[segment])
         assert (made.inv() * _scipy(motion.orientation[:, at])).magnitude().max() < 1e-12
-        point = back.apply(recording.position[:, place[segment]] - done.position("Pelvis")[0])
+        point = back.apply(recording.position[:, place[segment]] - done.still.position[0, done.still.index("Pelvis")])
         if segment.endswith("Hand"):
             point = point + tracker.apply([-0.08, 0.0, 0.0])
         if not segment.endswith("UpperArm"):

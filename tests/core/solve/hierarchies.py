@@ -11,7 +11,9 @@ from retarget import robots
 from retarget.core import rotations
 from retarget.core.kinematics import link_poses
 from retarget.core.robot_model import RobotModel
+from retarget.core.solve.cascade import Cascade
 from retarget.core.solve.hierarchical import HierarchicalSolver
+from retarget.core.solve.priorities import narrowed
 from retarget.core.types import Array, Targets, Task
 
 HAND_OFFSET = np.array([0.02, -0.03, 0.08])
@@ -60,7 +62,8 @@ def paper_targets(
 def upper_body_motion(
     robot: RobotModel, frames: int, seed: int = 0, rate_hz: float = 60.0, reach: float = 0.3
 ) -> Array:
-    """Joints (T, n) that swing about the reference posture, inside the limits; legs in it."""
+    """Joints (T, n) that swing about the reference posture, inside the limits that the hierarchy has; legs in it."""
+    robot = narrowed(robot)
     rng, time = np.random.default_rng(seed), np.arange(frames) / rate_hz
     count = len(robot.joint_names)
     phase, away = rng.uniform(0, 6, count), rng.uniform(-0.2, 0.2, count)
@@ -125,3 +128,24 @@ def paper_cascade(
         solved.append(flag in (1, 2))
         found.append(velocity)
     return np.array(found), np.array(solved)
+
+
+def largest_change(solver: HierarchicalSolver, before: Array, full: Array, step_s: float) -> float:
+    """By how much a level's task velocities differ between the cascade that ends with it and the whole one."""
+    rows, limits, largest = solver.rows, solver.limits, 0.0
+    for count in range(1, len(solver.levels)):
+        part = Cascade(solver.levels[:count], solver.level_rows[:count], solver.weight, limits.speed)
+        found = part.solve(
+            0,
+            rows.jacobian,
+            rows.command,
+            rows.inertia + solver.added_inertia,
+            limits.lower,
+            limits.upper,
+            np.concatenate([rows.hand_rows, limits.coupled]),
+            before,
+            step_s,
+        )
+        own = slice(0, solver.level_rows[count - 1].stop)
+        largest = max(largest, float(np.abs(rows.jacobian[own] @ (full - found.velocity)).max()))
+    return largest

@@ -16,7 +16,14 @@ from retarget.core.solve.task_samples import TaskSamples
 from retarget.core.types import Array
 from scipy.optimize import minimize
 
-from tests.core.solve.hierarchies import ROBOTS, paper_cascade, paper_targets, random_step, upper_body_motion
+from tests.core.solve.hierarchies import (
+    ROBOTS,
+    largest_change,
+    paper_cascade,
+    paper_targets,
+    random_step,
+    upper_body_motion,
+)
 
 STATES, STEP_S = 1000, 1e-3
 
@@ -46,32 +53,11 @@ def solved(request: pytest.FixtureRequest, model: Callable[[str], RobotModel]) -
         velocities, fine = paper_cascade(solver, solver.weight[0], state.before, STEP_S)
         paper.append(velocities)
         paper_solved.append(fine)
-        leaks.append(_largest_change(solver, state.before, steps[-1].velocity))
+        leaks.append(largest_change(solver, state.before, steps[-1].velocity, STEP_S))
         rows, limits, own = solver.rows, solver.limits, steps[-1].velocity
         value = np.concatenate([own, rows.hand_rows @ own, limits.coupled @ own])
         excess.append(max((value - limits.upper).max(), (limits.lower - value).max()))
     return Solved(solver, steps, np.array(paper), np.array(paper_solved), np.array(leaks), np.array(excess))
-
-
-def _largest_change(solver: HierarchicalSolver, before: Array, full: Array) -> float:
-    """By how much a level's task velocities differ between the cascade that ends with it and the whole one."""
-    rows, limits, largest = solver.rows, solver.limits, 0.0
-    for count in range(1, len(solver.levels)):
-        part = Cascade(solver.levels[:count], solver.level_rows[:count], solver.weight, limits.speed)
-        found = part.solve(
-            0,
-            rows.jacobian,
-            rows.command,
-            rows.inertia + solver.added_inertia,
-            limits.lower,
-            limits.upper,
-            np.concatenate([rows.hand_rows, limits.coupled]),
-            before,
-            STEP_S,
-        )
-        own = slice(0, solver.level_rows[count - 1].stop)
-        largest = max(largest, float(np.abs(rows.jacobian[own] @ (full - found.velocity)).max()))
-    return largest
 
 
 def test_agrees_with_the_papers_form(solved: Solved) -> None:

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from retarget.core.errors import SolverError
+from retarget.core.errors import ProfileError, SolverError
 from retarget.core.profile import Arm, Hierarchy, Level
 from retarget.core.robot_model import RobotModel
-from retarget.core.solve.priorities import hand_points, moving_columns, priorities, sorted_tasks
+from retarget.core.solve.priorities import hand_points, moving_columns, narrowed, priorities, sorted_tasks
 from retarget.core.types import Targets, Task
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
@@ -91,3 +91,24 @@ def test_hands_are_the_profiles_arms_and_what_position_tasks_lead(model: Callabl
         turn(robot, "Head"),
     )
     assert hand_points(tasks, robot) == ((left, (0.0, 0.0, -0.1)), (right, (0.0, 0.0, 0.0)))
+
+
+def test_narrowed_limits_hold_the_reference_posture_too(model: Callable[[str], RobotModel]) -> None:
+    """G1's elbow, straight at 1.5708 rad, must not bend backward where only the hand is told where to go."""
+    g1 = model("g1")
+    elbows = [g1.joint_index(f"{side}_elbow_joint") for side in ("left", "right")]
+    assert (g1.upper[elbows] > 2.0).all()
+    found = narrowed(g1)
+    assert (found.upper[elbows] == 1.55).all()
+    assert (found.reference_posture[elbows] == 1.55).all()
+    others = [i for i in range(len(g1.joint_names)) if i not in elbows]
+    np.testing.assert_array_equal(found.upper[others], g1.upper[others])
+    np.testing.assert_array_equal(found.lower, g1.lower)
+    assert narrowed(model("icub")) is model("icub")
+
+
+def test_limits_that_leave_nothing(model: Callable[[str], RobotModel]) -> None:
+    g1 = model("g1")
+    profile = replace(g1.profile, hierarchy=replace(g1.profile.hierarchy, upper={"left_elbow_joint": -3.0}))
+    with pytest.raises(ProfileError, match=r"left_elbow_joint would have to stay above .* below -3 rad"):
+        narrowed(replace(g1, profile=profile))
