@@ -13,6 +13,7 @@ import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
 from retarget.cli.main import unexpected
+from retarget.cli.plan import PIPE
 from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -49,7 +50,16 @@ GAINS = ("auto", "profile", "inertia")
     "--log", metavar="FILE.h5", help="All signals of the torque control at 2 kHz, as HDF5; {stem} is filled in."
 )
 @click.option("--view", is_flag=True, help="Show the replay in MuJoCo's viewer; one input.")
-@click.option("--recording", metavar="FILE", help="What the person did, shown beside the robot in pictures and videos.")
+@click.option(
+    "--recording",
+    metavar="FILE",
+    help="What the person did: limbs are compared with it, and pictures show it beside the robot.",
+)
+@click.option(
+    "--calibration",
+    metavar="FILE.json",
+    help="The operator of the recording, from retarget calibrate: tracker logs need it.",
+)
 @click.option(
     "--gains",
     type=click.Choice(GAINS),
@@ -153,6 +163,10 @@ def _plan(
         films.check_installed()
         if not video.lower().endswith(".mp4"):
             raise UsageError(f"--video {video}: expected a file name ending in .mp4")
+    if settings["recording"] == PIPE:
+        raise UsageError("--recording takes a file; stdin is for a trajectory")
+    if settings["calibration"] and not settings["recording"]:
+        raise UsageError("--calibration is of the --recording; give it too")
     if settings["robot"]:
         profiles.load(settings["robot"])
     texts = tuple(f"{name}={value}" for name, value in overrides)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from retarget.cli.clip import model_for, robot_model, without_nan
 from retarget.cli.plan import PIPE
+from retarget.cli.tracker_logs import read_calibrated
 from retarget.core.errors import InvalidDataError, MotionError, RetargetError, UnknownNameError, UsageError
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class Job:
     """One trajectory to judge.
 
     input: path, or "-" for stdin. robot: name or profile path, None = the trajectory's own. overrides: "NAME=VALUE" of thresholds.
-    csv_style, joint_order, quaternion_order, rate_hz: what a file doesn't say of itself. recording: the person's motion, for pictures.
+    csv_style, joint_order, quaternion_order, rate_hz: what a file doesn't say of itself. recording, calibration: the person's motion, for pictures and the limbs' directions, and the operator a tracker log needs.
     video, log, page: paths, "" for none. wants_section: the page's content is to come back.
     """
 
@@ -49,6 +50,7 @@ class Job:
     quaternion_order: Literal["wxyz", "xyzw"] | None = None
     rate_hz: float | None = None
     recording: str | None = None
+    calibration: str | None = None
     video: str = ""
     log: str = ""
     page: str = ""
@@ -91,14 +93,12 @@ def thresholds_of(mode: str, path: str | None, overrides: Sequence[str]) -> dict
 
 def validate_clip(job: Job) -> Done:
     """Read and judge `job`, write what it asks for. Raises `RetargetError` when it can't be judged."""
-    from retarget import formats
-
     started = time.perf_counter()
-    motion = formats.read_motion(job.recording) if job.recording else None
+    motion = read_calibrated(job.recording, job.calibration, {}) if job.recording else None
     trajectory, model, warnings = _read(job, motion)
     limits = thresholds_of(job.mode, job.thresholds_file, job.overrides)
     try:
-        trajectory, reports, replay_s = _judge(job, trajectory, model, limits)
+        trajectory, reports, replay_s = _judge(job, trajectory, model, motion, limits)
     except (InvalidDataError, MotionError, UnknownNameError) as error:
         raise RetargetError(f"{job.shown}: {error}") from error
     checks = [check for report in reports.values() for check in report.checks]
@@ -135,15 +135,22 @@ def failed_record(job: Job, error: str) -> Record:
 
 
 def _judge(
-    job: Job, trajectory: JointTrajectory, model: RobotModel, limits: Mapping[str, Thresholds]
+    job: Job,
+    trajectory: JointTrajectory,
+    model: RobotModel,
+    motion: HumanMotion | None,
+    limits: Mapping[str, Thresholds],
 ) -> tuple[JointTrajectory, dict[str, ValidationReport], float]:
     """(the trajectory in the model's joint order, mode → report, seconds that judging took)."""
+    import mujoco
     from retarget.core.replay import kinematic, match
 
+    # By itself MuJoCo writes its warnings into a file in the current folder; a simulation that blows up is a check of its own.
+    mujoco.set_mju_user_warning(lambda _text: None)
     trajectory = match.matched(trajectory, model)
     held = replay_model(job, model, "held")
     begin = time.perf_counter()
-    reports = {"kinematic": kinematic.check(trajectory, held, limits["kinematic"])}
+    reports = {"kinematic": kinematic.check(trajectory, held, limits["kinematic"], motion)}
     if job.mode == "fixed":
         from retarget.core.replay import fixed
 

@@ -22,6 +22,7 @@ KIND_COLOURS = {
     "tracking error beyond its limit": "#6b7a12",
     "links in each other": "#8d4b1f",
     "base or feet beyond a limit": "#2b5fa8",
+    "limb unlike the person's": "#c2577f",
     "frames missing": "#1b1e24",
 }
 """Kind of problem → the colour of a cell that has it."""

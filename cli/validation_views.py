@@ -27,6 +27,7 @@ SHOTS, SHOT_SIZE = 6, (384, 480)
 FILM_SIZE, FILM_RATE_HZ, VIEW_RATE_HZ = (800, 600), 30, 120
 """Width and height in pixels."""
 PLACES = {"self-collision": "links in each other", "timing": "frames missing"}
+LIMB = "limb unlike the person's"
 MOTION, FEET = "motion beyond a limit", "base or feet beyond a limit"
 TORQUE, TRACKING = "torque at its limit", "tracking error beyond its limit"
 SATURATED = 1.0 - 1e-9
@@ -84,7 +85,8 @@ def curves_of(
         if place in joints:
             own[MOTION][:, joints.index(place)] = pooled
         else:
-            places[place] = (PLACES.get(place, FEET), pooled)
+            kind = LIMB if place in model.limbs else PLACES.get(place, FEET)
+            places[place] = (kind, pooled)
     common: dict[str, Any] = {"joints": joints, "lower": model.lower, "upper": model.upper, "strip_time": edges}
     common["sliding"] = _sliding(model)
     if "fixed" not in reports:
@@ -94,7 +96,7 @@ def curves_of(
         )
     series, facts = reports["fixed"].series, reports["fixed"].facts["joints"]
     time = series["time"]
-    error = _errors(series, joints)
+    error = _of_joints(series, "joint_error", joints)
     units = [_unit(series, joint) for joint in joints]
     torque = np.stack([series[f"torque_nm/{joint}"] for joint in joints], axis=1)
     limit = _column(facts, joints, ["torque_limit_nm"] * len(joints), np.inf)
@@ -106,7 +108,7 @@ def curves_of(
     own[TRACKING] = _pooled(np.abs(error) * per_limit, time, edges)
     scale = np.array([SCALE[unit] for unit in units])
     keep = thinned(len(time))
-    wanted = _interpolated(time[keep], trajectory.time, trajectory.position)
+    wanted = _of_joints(series, "reference", joints)[keep]
     return Curves(
         time=time[keep],
         wanted=wanted,
@@ -122,12 +124,12 @@ def curves_of(
     )
 
 
-def _errors(series: Mapping[str, Array], joints: tuple[str, ...]) -> Array:
-    """Tracking errors (B, n) in rad, or m of sliding joints."""
+def _of_joints(series: Mapping[str, Array], what: str, joints: tuple[str, ...]) -> Array:
+    """Series `what` of all joints (B, n) in rad, or m of sliding joints."""
     columns = []
     for joint in joints:
         unit = _unit(series, joint)
-        columns.append(series[f"joint_error_{unit}/{joint}"] / SCALE[unit])
+        columns.append(series[f"{what}_{unit}/{joint}"] / SCALE[unit])
     return np.stack(columns, axis=1)
 
 
@@ -169,12 +171,13 @@ class _Postures:
         reports: Mapping[str, ValidationReport],
         motion: HumanMotion | None,
     ) -> None:
-        self._trajectory, self._error = trajectory, None
+        self._trajectory = trajectory
+        self._known = trajectory.time, trajectory.position
         if "fixed" in reports:
             series = reports["fixed"].series
-            self._error = series["time"], _errors(series, model.joint_names)
+            self._known = series["time"], _of_joints(series, "position", model.joint_names)
         # With dynamics the base is held where the replay held it; without them it moves as the trajectory says.
-        self._held = self._error is not None or trajectory.base_position is None
+        self._held = "fixed" in reports or trajectory.base_position is None
         self.replay: ReplayModel = replay_model(job, model, "seen held" if self._held else "seen standing")
         self._motion = motion
         self._figure = None if motion is None else human_figure(motion)
@@ -182,9 +185,7 @@ class _Postures:
     def at(self, times: Array) -> Array:
         """qpos (K, nq) at `times` (K,) s: what the replay did, or without dynamics what the trajectory says."""
         trajectory = self._trajectory
-        joints = _interpolated(times, trajectory.time, trajectory.position)
-        if self._error is not None:
-            joints = joints + _interpolated(times, *self._error)
+        joints = _interpolated(times, *self._known)
         position, orientation = trajectory.base_position, trajectory.base_orientation
         if self._held or position is None or orientation is None:
             return np.array([self.replay.configuration(row) for row in joints])

@@ -269,6 +269,8 @@ REFUSED: dict[str, tuple[list[str], int, str]] = {
     "one log for two": (["wave.mcap", "sub/wave.mcap", "--log", "a.h5"], 2, "a.h5: would replace the output a.h5"),
     "report exists": (["wave.mcap", "--report", "old.html"], 2, "old.html: exists; --force replaces it"),
     "onto the input": (["wave.mcap", "--log", "x.h5", "--report", "wave.mcap.html", "--thresholds", "no.toml"], 2, "no.toml"),
+    "calibration alone": (["wave.mcap", "--calibration", "me.json"], 2, "--calibration is of the --recording"),
+    "missing recording": (["wave.mcap", "--recording", "wolk.mvnx"], 2, "wolk.mvnx: no such file; did you mean walk.mvnx"),
     "two to view": (["wave.mcap", "sub/wave.mcap", "--view"], 2, "--view"),
     "headerless without robot": (["line.csv", "--csv-style", "unitree"], 2, "names no robot; give --robot"),
     "headerless of other width": (
@@ -366,3 +368,16 @@ def test_without_pyav_there_is_no_video(run: Run, wave: Path, monkeypatch: pytes
     result = run("validate", wave, "--video", "wave.mp4")
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr == "retarget: --video needs PyAV, which is not installed; pip install 'retarget[video]'\n"
+
+
+def test_a_film_shows_the_whole_clip_in_real_time(run: Run, wave: Path, tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="the extra [video] is not installed")
+    result = run("validate", wave, "--video", "{stem}.mp4", "-q")
+    if "no picture can be drawn" in result.stderr:
+        pytest.skip(result.stderr)
+    assert result.exit_code == 0
+    with av.open(str(tmp_path / "wave.mp4")) as film:
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    assert len(frames) == 16  # 0.5 s at 30 Hz, both ends
+    assert all(frame.std() > 10 for frame in frames)
+    assert np.abs(frames[-1].astype(int) - frames[0]).max() > 50  # the arms moved
