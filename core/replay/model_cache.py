@@ -12,6 +12,10 @@ from typing import Any
 
 import mujoco
 
+NAME = "model.mjb"
+DIGEST_BYTES = hashlib.sha256().digest_size
+"""A stored model ends with the hash of what stands before."""
+
 LARGEST_FOLDER_BYTES = 1_000_000_000
 """Beyond it the models that were not used for longest are deleted."""
 
@@ -54,8 +58,12 @@ def load(folder: Path | None, key: str) -> Any | None:
     if path is None or not path.is_file():
         return None
     try:
-        model = mujoco.MjModel.from_binary_path(str(path))
-    except (ValueError, RuntimeError, mujoco.FatalError):
+        data = path.read_bytes()
+        # MuJoCo aborts on, and logs into the working folder, what isn't a whole model: it gets to see only what was stored whole.
+        if hashlib.sha256(data[:-DIGEST_BYTES]).digest() != data[-DIGEST_BYTES:]:
+            return None
+        model = mujoco.MjModel.from_binary_path(NAME, {NAME: data[:-DIGEST_BYTES]})
+    except (OSError, ValueError, RuntimeError, mujoco.FatalError):
         return None
     with contextlib.suppress(OSError):
         os.utime(path)
@@ -73,6 +81,9 @@ def store(folder: Path | None, key: str, mj: Any) -> None:
         os.close(handle)
         temporary = Path(name)
         mujoco.mj_saveModel(mj, name, None)
+        with temporary.open("r+b") as file:
+            digest = hashlib.file_digest(file, "sha256").digest()
+            file.write(digest)  # after the last byte read
         temporary.replace(folder / f"{key}.mjb")
         _make_room(folder, folder / f"{key}.mjb")
     except (OSError, RuntimeError, ValueError, mujoco.FatalError):
