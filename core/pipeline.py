@@ -51,7 +51,7 @@ class ConvertOptions:
     smooth_s: float = 0.0
     kernel: str = "auto"
     solver: str = "auto"
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict, hash=False)  # options serve as keys of caches
 
 
 @dataclass(frozen=True)

@@ -104,15 +104,23 @@ def test_robot_walks_as_far_as_its_hips_are_high(robot: str) -> None:
     assert travelled == pytest.approx(walked * (hip_z - sole_z) / person_hip_z, rel=0.05)
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("robot", [name for name in ROBOTS if name != "atlas"])
 def test_v3_and_v4_twins_agree(robot: str) -> None:
     """The same walk written in both conventions, six decimals each. v3 has no contacts, so bases may differ; joints may not.
 
-    TALOS and Baxter are slower than the person: theirs are calmed, and agree all the same.
+    TALOS, TOCABI and Baxter are slower than the person: theirs are calmed, and agree all the same.
     """
     v4 = converted("walk", robot).trajectory.position
     v3 = converted("walk_v3", robot).trajectory.position
     np.testing.assert_allclose(v3, v4, rtol=0, atol=1e-5)
+
+
+def test_twins_on_atlas_agree_less() -> None:
+    """Six decimals of a quaternion are 4e-6 rad of an arm's target. Atlas swings its arms past a posture in which two shoulder axes nearly
+    coincide: that alone makes 1.5e-5 rad of it, and the rounding off of kinks three times more."""
+    v4 = converted("walk", "atlas").trajectory.position
+    v3 = converted("walk_v3", "atlas").trajectory.position
+    np.testing.assert_allclose(v3, v4, rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

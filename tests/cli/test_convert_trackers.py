@@ -89,13 +89,30 @@ def test_the_geometric_method_drives_what_six_trackers_measure(run: Run, operato
 
 
 def test_a_suit_and_its_calibration(run: Run, operator: Path) -> None:
-    """Hand mappings take any motion that has a calibration; this one is of another person, which only scales."""
+    """Calibrated from its own poses; the calibration of somebody's trackers is refused."""
     reach = str(samples.sample_path("reach"))
-    arguments = ["convert", reach, "--end", "0.2", "--calibration", str(operator), "--method", "telemanipulation"]
-    found = record(run(*arguments, "--robot", "tocabi", "-o", "reach.mcap", "--json", "-q"))
+    held = ("--still=0:0.8", "--tpose=2:2.5", "--forward=3.55:3.7")
+    assert run("calibrate", reach, *held, "-o", "suit.json", "-q").exit_code == 0
+    arguments = [
+        "convert",
+        reach,
+        "--end",
+        "0.2",
+        "--method",
+        "telemanipulation",
+        "--robot",
+        "tocabi",
+        "-o",
+        "reach.mcap",
+    ]
+    found = record(run(*arguments, "--calibration", "suit.json", "--json", "-q"))
     metrics = found["metrics"]
     assert isinstance(metrics, dict)
     assert metrics["velocity_limit_violations"] == 0
+    assert metrics["hand_position_error_mm"]["mean"] < 1.0
+    refused = run(*arguments, "--calibration", operator, "--force", "-q")
+    assert refused.exit_code == 1
+    assert "another tracker set" in refused.stderr
 
 
 def test_limb_plane_by_strict_priorities(run: Run, operator: Path) -> None:

@@ -21,6 +21,7 @@ from retarget.core.types import (
     Source,
     Targets,
     Task,
+    TrackerRecording,
     ValidationReport,
 )
 
@@ -39,6 +40,17 @@ def motion_fields() -> dict[str, Any]:
         "measured": np.array([True, True, False]),
         "joint_offsets": {"T8": np.array([0, 0, 0.4])},
         "source": Source("memory", rate_hz=60),
+    }
+
+
+def recording_fields() -> dict[str, Any]:
+    return {
+        "time": np.arange(T) / 90,
+        "trackers": ("LHR-1", "waist"),
+        "orientation": np.tile([1.0, 0, 0, 0], (T, 2, 1)),
+        "position": np.ones((T, 2, 3)),
+        "tracked": np.ones((T, 2), bool),
+        "segments": {"waist": "Pelvis"},
     }
 
 
@@ -426,6 +438,7 @@ def all_types() -> list[Any]:
     return [
         Source("mvnx"),
         HumanMotion(**motion_fields()),
+        TrackerRecording(**recording_fields()),
         task,
         Targets(np.arange(4.0), (task,)),
         JointTrajectory(**trajectory_fields()),
@@ -613,3 +626,31 @@ class TestReports:
     def test_checks_may_come_as_a_list(self) -> None:
         report = ValidationReport("s", [Check("a", 1, "m", 2, True)])  # type: ignore[arg-type]
         assert isinstance(report.checks, tuple)
+
+
+class TestTrackerRecording:
+    @pytest.mark.parametrize(
+        ("field", "value", "message"),
+        [
+            ("trackers", ("a", "a"), r"trackers: found \('a', 'a'\), expected at least one name, each once"),
+            ("trackers", (), "expected at least one name"),
+            ("time", np.zeros(T), "expected increasing times"),
+            ("orientation", np.tile([2.0, 0, 0, 0], (T, 2, 1)), "expected unit quaternions"),
+            ("orientation", np.tile([1.0, 0, 0, 0], (T, 3, 1)), r"found shape \(4, 3, 4\), expected \(4, 2, 4\)"),
+            ("position", np.full((T, 2, 3), np.nan), "expected finite values"),
+            ("tracked", np.ones((T, 1), bool), r"found shape \(4, 1\), expected \(4, 2\)"),
+            ("segments", {"waist": "Pelvs"}, "did you mean Pelvis"),
+            ("segments", {"hip": "Pelvis"}, "found tracker 'hip', expected one of LHR-1, waist"),
+            ("segments", {"waist": "Pelvis", "LHR-1": "Pelvis"}, "expected each segment once"),
+        ],
+    )
+    def test_broken_promises(self, field: str, value: Any, message: str) -> None:
+        with pytest.raises(InvalidDataError, match=message):
+            TrackerRecording(**{**recording_fields(), field: value})
+
+    def test_columns_and_rates(self) -> None:
+        recording = TrackerRecording(**recording_fields())
+        assert (recording.frames, recording.index("waist")) == (T, 1)
+        assert recording.rate_hz == pytest.approx(90)
+        with pytest.raises(InvalidDataError, match="no tracker 'chest'; it has LHR-1, waist"):
+            recording.index("chest")
