@@ -87,20 +87,27 @@ def find_limbs(model: Any, profile: RobotProfile, reference: Array) -> dict[str,
             for above, below in pairwise(stations)
             if below is not None and below != tip_link
         ]
-        tip = None if tip_link is None else np.array(data.oMf[model.getFrameId(tip_link)].translation)
+        tip = None if tip_link is None else np.array(data.oMf[link_frame(model, tip_link)].translation)
         centres = _centres(groups, tip)
         flexion = _flexion_axis(model, reference, groups[1], centres)
         for segment, ends in ((upper, centres[0:2]), (lower, centres[1:3])):
             if len(ends) == 2:
-                link_placement = data.oMf[model.getFrameId(profile.links[segment])]
+                link_placement = data.oMf[link_frame(model, profile.links[segment])]
                 limbs[segment] = _limb(segment, profile.links[segment], link_placement, ends, flexion)
     return limbs
 
 
+def link_frame(model: Any, link: str) -> int:
+    """Index of the pinocchio frame of `link`: that of a joint of the same name, which MJCF allows, is another."""
+    import pinocchio as pin
+
+    return int(model.getFrameId(link, pin.FrameType.BODY))
+
+
 def _axes_between(model: Any, data: Any, profile: RobotProfile, above: str | None, below: str) -> list[_Axis]:
     """World axes of the joints that move link `below` but not link `above` (None: the base), from the base outward."""
-    stop = 0 if above is None else int(model.frames[model.getFrameId(above)].parentJoint)
-    joint = int(model.frames[model.getFrameId(below)].parentJoint)
+    stop = 0 if above is None else int(model.frames[link_frame(model, above)].parentJoint)
+    joint = int(model.frames[link_frame(model, below)].parentJoint)
     path: list[int] = []
     while joint not in (0, stop) and model.joints[joint].nv == 1:
         path.append(joint)

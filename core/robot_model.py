@@ -12,9 +12,9 @@ import numpy as np
 from retarget.core import rotations
 from retarget.core.errors import MotionError, ProfileError, UnknownNameError, nearest
 from retarget.core.joint_patterns import control_patterns, matches, with_joint_names
-from retarget.core.limb_geometry import Limb, find_limbs
+from retarget.core.limb_geometry import Limb, find_limbs, link_frame
 from retarget.core.profile import CoupledJoints, RobotProfile
-from retarget.core.robot_urdf import prepared_urdf, read_urdf
+from retarget.core.robot_urdf import prepared_urdf, read_model
 from retarget.core.types import Array, HumanMotion
 
 
@@ -26,6 +26,7 @@ class RobotModel:
     pin_model: pinocchio model, free-flyer root when the base is floating; every joint has one degree of freedom.
     lower, upper, velocity_limit: (n,) rad, rad, rad/s. reference_posture: (n,), inside the limits.
     limbs: limb segment → its geometry. urdf: the text the model was built from, limits included.
+    warnings: what of an MJCF could not be kept.
     """
 
     profile: RobotProfile
@@ -39,6 +40,7 @@ class RobotModel:
     mass_kg: float
     base_link: str
     limbs: Mapping[str, Limb] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     @property
     def base_is_floating(self) -> bool:
@@ -81,7 +83,7 @@ class RobotModel:
 
     def link_in_joint(self, link: str) -> tuple[int, Array, Array]:
         """(index of the pinocchio joint that carries `link`, rotation (3, 3) and origin (3,) m of the link in that joint's frame)."""
-        frame = self.pin_model.frames[self.pin_model.getFrameId(link)]
+        frame = self.pin_model.frames[link_frame(self.pin_model, link)]
         placement = frame.placement
         return int(frame.parentJoint), np.array(placement.rotation), np.array(placement.translation)
 
@@ -93,6 +95,7 @@ def build(profile: RobotProfile, motion: HumanMotion | None = None) -> RobotMode
     """
     import pinocchio as pin
 
+    warnings: tuple[str, ...] = ()
     if profile.model.kind == "human":
         from retarget.core.human_model import human_urdf, person_profile
 
@@ -101,7 +104,8 @@ def build(profile: RobotProfile, motion: HumanMotion | None = None) -> RobotMode
         profile = person_profile(profile, motion)
         urdf = prepared_urdf(profile, human_urdf(motion))
     else:
-        urdf = prepared_urdf(profile, read_urdf(profile))
+        text, warnings = read_model(profile)
+        urdf = prepared_urdf(profile, text)
     arguments = (pin.JointModelFreeFlyer(),) if profile.base == "floating" else ()
     try:
         model = pin.buildModelFromXML(urdf, *arguments)
@@ -129,6 +133,7 @@ def build(profile: RobotProfile, motion: HumanMotion | None = None) -> RobotMode
         reference_posture=reference,
         mass_kg=float(sum(inertia.mass for inertia in model.inertias)),
         base_link=root,
+        warnings=warnings,
     )
     return _with_limbs(built)
 

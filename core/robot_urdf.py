@@ -13,6 +13,7 @@ from pathlib import Path
 
 from retarget.core.errors import ProfileError, nearest
 from retarget.core.profile import RobotProfile
+from retarget.core.robot_mjcf import is_mjcf, urdf_of_mjcf
 
 ROBOTS_FOLDERS = ("cmeel.prefix/share/{package}/robots", "{module}/robots", "{module}")
 """Where an installed distribution may keep its robots, relative to site-packages."""
@@ -22,13 +23,15 @@ CONTINUOUS_LIMIT_RAD = 4 * math.pi
 
 
 def find_urdf(profile: RobotProfile) -> Path:
-    """Path of the profile's URDF. Raises `ProfileError` when the package or the file is missing."""
+    """Path of the profile's URDF or MJCF. Raises `ProfileError` when the package or the file is missing."""
     source = profile.model
     folder = Path() if source.kind == "file" else _package_folder(profile)
     path = folder / source.path
     if not path.is_file():
         others = (
-            {str(other.relative_to(folder)) for other in folder.rglob("*.urdf")} if source.kind == "package" else ()
+            {str(other.relative_to(folder)) for suffix in ("*.urdf", "*.xml") for other in folder.rglob(suffix)}
+            if source.kind == "package"
+            else ()
         )
         near = nearest(source.path, others)
         raise _error(
@@ -41,12 +44,20 @@ def find_urdf(profile: RobotProfile) -> Path:
 
 
 def read_urdf(profile: RobotProfile) -> bytes:
-    """The profile's URDF as it stands on disk. Raises `ProfileError` when it is missing or can't be read."""
+    """The profile's URDF, or MJCF, as it stands on disk. Raises `ProfileError` when it is missing or can't be read."""
     path = find_urdf(profile)
     try:
         return path.read_bytes()
     except OSError as error:
         raise _error(profile, f"{profile.model.path} can't be read: {error.strerror}", "[model]") from None
+
+
+def read_model(profile: RobotProfile) -> tuple[str | bytes, tuple[str, ...]]:
+    """(the profile's URDF, warnings): as it stands on disk, or converted where the file is MJCF. Raises `ProfileError`."""
+    content = read_urdf(profile)
+    if is_mjcf(content):
+        return urdf_of_mjcf(profile, find_urdf(profile))
+    return content, ()
 
 
 def prepared_urdf(profile: RobotProfile, text: str | bytes) -> str:
@@ -82,7 +93,9 @@ def _parsed(profile: RobotProfile, text: str | bytes) -> ET.Element:
     except (ET.ParseError, LookupError, ValueError) as error:  # the last two: encodings that Python or expat lack
         raise _error(profile, f"the model is not XML: {error}", "[model]") from None
     if root.tag != "robot":
-        raise _error(profile, f"the model's root element is <{root.tag}>", "[model]", "<robot> (URDF)")
+        raise _error(
+            profile, f"the model's root element is <{root.tag}>", "[model]", "<robot> (URDF) or <mujoco> (MJCF)"
+        )
     if macro := next(
         (element.tag for element in root.iter() if "ros.org" in element.tag and "xacro" in element.tag), ""
     ):
@@ -142,7 +155,9 @@ def _set_limit(profile: RobotProfile, joint: ET.Element, name: str) -> None:
     if not (-math.inf < lower <= upper < math.inf and 0 < velocity < math.inf):
         raise _error(
             profile, f"joint '{name}' has range {lower:g}…{upper:g} and speed limit {velocity:g}", "[limits]",
-            "lower ≤ upper and a speed above 0, all finite",
+            "lower ≤ upper and a speed above 0, all finite" + (
+                "" if velocity > 0 else "; default_velocity_rad_s stands in where the model states no speed"
+            ),
         )  # fmt: skip
     for key, value in (("lower", lower), ("upper", upper), ("velocity", velocity)):
         limit.set(key, repr(value))

@@ -172,6 +172,19 @@ def from_rpy(rpy: ArrayLike) -> Array:
     return multiply(axes[2], multiply(axes[1], axes[0]))
 
 
+def to_rpy(quaternion: ArrayLike) -> Array:
+    """URDF fixed-axis roll, pitch, yaw (..., 3) of unit quaternions (..., 4), pitch in [−π/2, π/2]: R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    Exact everywhere: where the pitch is a quarter turn and yaw is all rounding, the roll is that which goes with it.
+    """
+    m = to_matrix(quaternion)
+    heading = np.arctan2(m[..., 1, 0], m[..., 0, 0])
+    cosine, sine = np.cos(heading), np.sin(heading)
+    pitch = np.arctan2(-m[..., 2, 0], cosine * m[..., 0, 0] + sine * m[..., 1, 0])
+    roll = np.arctan2(sine * m[..., 0, 2] - cosine * m[..., 1, 2], cosine * m[..., 1, 1] - sine * m[..., 0, 1])
+    return np.stack([roll, pitch, heading], axis=-1)
+
+
 def yaw(quaternion: ArrayLike) -> Array:
     """Heading (...) in (−π, π] rad: the twist about world Z of `quaternion` (..., 4), 0 = facing +X, positive to the left.
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from retarget.core import rotations
+from retarget.core.limb_geometry import link_frame
 from retarget.core.profile import MappingParameters
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array
@@ -21,7 +22,7 @@ def from_reference_posture(model: RobotModel, links: Mapping[str, str] | None = 
     data = model.pin_model.createData()
     pin.framesForwardKinematics(model.pin_model, data, model.configuration(model.reference_posture))
     return {
-        segment: np.array(data.oMf[model.pin_model.getFrameId(link)].rotation)
+        segment: np.array(data.oMf[link_frame(model.pin_model, link)].rotation)
         for segment, link in (links or model.links).items()
     }
 

@@ -18,14 +18,14 @@ from retarget.core.replay.contacts import near_pairs, touching_pairs
 from retarget.core.replay.inertia import LinkInertia, link_inertias
 from retarget.core.replay.meshes import Mesh, read_mesh
 from retarget.core.replay.shapes import Shape, shapes_of
-from retarget.core.replay.spec import body_names, make_spec
+from retarget.core.replay.spec import body_names, make_spec, stated_armature
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array
 
 LARGEST_EFFORT = 2000.0
 """Nm, or N of sliding joints. No humanoid's joint is stronger, so a higher figure in a URDF is a placeholder, as 0 is."""
 SMALLEST_ARMATURE, ARMATURE_SHARE = 0.005, 0.05
-"""kg m², and share of the inertia that the joint moves: stands in for the rotor, which URDF has no word for."""
+"""kg m², and share of the inertia that the joint moves: stands in for the rotor, which URDF has no word for and MJCF may leave out."""
 MASS_TOLERANCE = 1e-6
 LEFT_OUT = "left_out"
 """Text in the compiled model: a warning that only those get to see who read the meshes, and not from the cache."""
@@ -96,7 +96,8 @@ def build(
     Raises `ProfileError` for meshes that can't be read and for models that MuJoCo refuses. Meshes that are missing are left out and counted in
     `warnings`.
     """
-    shapes, warnings = shapes_of(model, visuals=visuals)
+    shapes, lost = shapes_of(model, visuals=visuals)
+    warnings = [*model.warnings, *lost]
     contents = _contents(model, shapes)
     inertias, limit = link_inertias(model), torque_limits(model)
     armature = _armature(model, inertias)
@@ -143,9 +144,11 @@ def moved_inertia(model: RobotModel) -> Array:
 
 
 def _armature(model: RobotModel, inertias: Mapping[int, LinkInertia]) -> Array:
-    """(n,) kg m²: the rotor that the description holds, else 5 % of the inertia that the joint moves, at least 0.005."""
+    """(n,) kg m²: the rotor that the description states or holds, else 5 % of the inertia that the joint moves, at least 0.005."""
     first = 1 + int(model.base_is_floating)
-    rotor = np.array([inertias[first + k].rotor for k in range(len(model.joint_names))])
+    held = np.array([inertias[first + k].rotor for k in range(len(model.joint_names))])
+    stated = stated_armature(model)
+    rotor = np.where(stated > 0, stated, held)
     return np.where(rotor > 0, rotor, np.maximum(SMALLEST_ARMATURE, ARMATURE_SHARE * moved_inertia(model)))
 
 

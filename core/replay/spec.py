@@ -14,6 +14,7 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 from retarget.core import rotations
+from retarget.core.errors import ProfileError
 from retarget.core.kinematics import axis_frames
 from retarget.core.replay.inertia import LinkInertia
 from retarget.core.replay.meshes import Mesh
@@ -145,6 +146,31 @@ def joint_dynamics(robot: RobotModel, torque_limit: Array) -> Array:
     top_speed = np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, 0.0)
     values[values[:, 0] * top_speed > torque_limit, 0] = 0.0
     return np.asarray(values)
+
+
+def stated_armature(robot: RobotModel) -> Array:
+    """(n,) kg m² (kg for sliding joints) of the text's <dynamics armature>, which models from MJCF have; 0 where it says nothing."""
+    texts = {
+        str(joint.get("name")): dynamics.get("armature", "0")
+        for joint in ET.fromstring(robot.urdf).findall("joint")
+        if (dynamics := joint.find("dynamics")) is not None
+    }
+    values = []
+    for name in robot.joint_names:
+        text = texts.get(name, "0")
+        try:
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if not 0 <= value < np.inf:
+            raise ProfileError(
+                robot.profile.origin or robot.profile.name,
+                f"joint '{name}' has armature=\"{text}\"",
+                place="[model]",
+                expected="a finite number, not negative",
+            )
+        values.append(value)
+    return np.array(values)
 
 
 def _add_shapes(

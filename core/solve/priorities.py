@@ -79,7 +79,9 @@ def hand_points(tasks: tuple[Task, ...], model: RobotModel) -> tuple[tuple[str, 
 
 def frame_joint(model: RobotModel, frame: str) -> int:
     """The pinocchio joint that carries `frame`. Raises `SolverError` when the model has no such frame."""
-    if not model.pin_model.existFrame(frame):
+    import pinocchio as pin
+
+    if not model.pin_model.existFrame(frame, pin.FrameType.BODY):
         near = nearest(frame, [str(f.name) for f in model.pin_model.frames])
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise SolverError(f"robot '{model.profile.name}' has no frame '{frame}'{hint}")
