@@ -28,9 +28,10 @@ NAMES_TOLD = 3
 def is_mjcf(content: bytes) -> bool:
     """Whether the root element of the XML text `content` is <mujoco>."""
     try:
-        return next(ET.iterparse(BytesIO(content), events=("start",)))[1].tag == "mujoco"
+        _, root = next(iter(ET.iterparse(BytesIO(content), events=("start",))))
     except (ET.ParseError, LookupError, ValueError, StopIteration):
         return False
+    return bool(root.tag == "mujoco")
 
 
 def urdf_of_mjcf(profile: RobotProfile, path: Path) -> tuple[str, tuple[str, ...]]:

@@ -257,6 +257,15 @@ class TestRollPitchYaw:
         expected = Rotation.from_euler("xyz", rpy.reshape(-1, 3)).as_matrix().reshape(4, 5, 3, 3)
         assert np.abs(rotations.to_matrix(rotations.from_rpy(rpy)) - expected).max() < 1e-15
 
+    @pytest.mark.parametrize("pitch", [0.0, 1.0, -1.5, np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-9, 1e-9 - np.pi / 2])
+    def test_back_again_even_where_two_axes_fall_together(self, pitch: float) -> None:
+        for roll, yaw in np.random.default_rng(5).uniform(-np.pi, np.pi, size=(50, 2)):
+            turn = pin.rpy.rpyToMatrix(np.array([roll, pitch, yaw]))
+            found = rotations.to_rpy(rotations.from_matrix(turn))
+            assert np.abs(pin.rpy.rpyToMatrix(found) - turn).max() < 2e-15
+            if abs(pitch) < 1.5:
+                assert found == pytest.approx([roll, pitch, yaw], abs=1e-14)
+
 
 class TestYaw:
     @given(st.floats(-179.9, 180))
