@@ -58,4 +58,4 @@ def _weighs(spec: Any, geom: Any) -> bool:
         rule == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO and not geom.parent.explicitinertial
     )
     heavy = geom.mass > 0 if np.isfinite(geom.mass) else geom.density > 0
-    return bool(asked and heavy and first <= geom.group <= last)
+    return bool(geom.parent.name != "world" and asked and heavy and first <= geom.group <= last)

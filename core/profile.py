@@ -21,7 +21,7 @@ DEFAULT_POSTURE_WEIGHT = 1e-3
 
 @dataclass(frozen=True)
 class ModelSource:
-    """Where the URDF comes from.
+    """Where the model comes from: a URDF, or an MJCF, known by its root element <mujoco>.
 
     kind "package": `path` below the robots folder of the installed distribution `package`.
     kind "file": `path` is absolute (resolved against the profile's own folder).
@@ -181,7 +181,7 @@ class RobotProfile:
     and keeps arms that hang along a shoulder axis from spinning. Larger is calmer and less exact.
     arms: "Left", "Right" → what hand mappings need. hierarchy: strict priorities. torque: gains and limits for replay.
     limb_ends: limb segment → link whose origin ends the limb where no mapped link follows it.
-    default_velocity_limit: rad/s, caps every joint's speed and stands in where the URDF states none. joint_limits: joint, or pattern with *,
+    default_velocity_limit: rad/s, caps every joint's speed and stands in where the URDF states none, as MJCF never does. joint_limits: joint, or pattern with *,
     → overrides, which win over the cap; of several that match a joint each adds to those before. locked_joints: may be patterns, too.
     """
 

@@ -309,8 +309,10 @@ def _replay_checks(model: RobotModel) -> list[Check]:
         _below("pairs of links touching in the reference posture", float(len(replay.touching)), "", 0.0, touching),
         Check("links with an inertia that no body can have", float(len(replay.repaired)), "", None, True, repaired),
     ]
-    if replay.warnings:
-        checks.append(Check("shapes left out", float(len(replay.warnings)), "", None, None, "; ".join(replay.warnings)))
+    of_model, of_shapes = model.warnings, replay.warnings[len(model.warnings) :]
+    for name, told in (("parts of the MJCF left out", of_model), ("shapes left out", of_shapes)):
+        if told:
+            checks.append(Check(name, float(len(told)), "", None, None, "; ".join(told)))
     return checks
 
 

@@ -7,8 +7,10 @@ that has joints. A link is a body, in that body's frame. A joint's value is MuJo
 from __future__ import annotations
 
 import math
+import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -46,23 +48,40 @@ def urdf_of_mjcf(profile: RobotProfile, path: Path) -> tuple[str, tuple[str, ...
     """
     import mujoco
 
+    told: list[str] = []
     try:
-        spec = mujoco.MjSpec.from_file(str(path.resolve()))
-        # Every body is wanted as a link, and every shape, whatever the file spares a simulator.
-        spec.compiler.fusestatic = spec.compiler.discardvisual = False
-        files = name_files(spec)
-        needed = replace_missing(spec, files)
-        if needed:
-            raise _error(
-                profile,
-                f"body '{needed[0]}' has its mass from the mesh {needed[1]}, which is missing",
-                "the file, or an <inertial>",
-            )
-        model = spec.compile()
+        with _warnings_into(told):
+            spec = mujoco.MjSpec.from_file(str(path.resolve()))
+            # Every body is wanted as a link, and every shape, whatever the file spares a simulator.
+            spec.compiler.fusestatic = spec.compiler.discardvisual = False
+            files = name_files(spec)
+            if needed := replace_missing(spec, files):
+                raise _error(
+                    profile,
+                    f"body '{needed[0]}' has its mass from the mesh {needed[1]}, which is missing",
+                    "the file, or an <inertial>",
+                )
+            model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        told = ", ".join(line.strip() for line in str(error).splitlines() if line.strip())
-        raise _error(profile, f"MuJoCo refuses {path.name}: {told}") from None
-    return _Tree(profile, model).urdf(spec, files, path.stem)
+        raise _error(profile, f"MuJoCo refuses {path.name}: {_one_line(str(error))}") from None
+    urdf, lost = _Tree(profile, model).urdf(spec, files, path.stem)
+    return urdf, (*told, *lost)
+
+
+@contextmanager
+def _warnings_into(told: list[str]) -> Iterator[None]:
+    """Warnings of MuJoCo's compiler are collected; by itself it writes them into a file in the current folder."""
+    import mujoco
+
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _text: None)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield
+        told += [f"MuJoCo: {_one_line(str(warning.message))}" for warning in caught]
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 class _Tree:
@@ -271,9 +290,15 @@ def _placement(position: Array, quaternion: Array | Sequence[float]) -> Array:
     return matrix
 
 
+def _one_line(text: str) -> str:
+    return ", ".join(line.strip() for line in text.splitlines() if line.strip())
+
+
 def _told(lost: dict[str, list[str]]) -> Iterable[str]:
     for what, names in lost.items():
-        yield f"{len(names)} × {what}: {', '.join(names[:NAMES_TOLD])}{', …' if len(names) > NAMES_TOLD else ''}"
+        different = list(dict.fromkeys(names))
+        more = ", …" if len(different) > NAMES_TOLD else ""
+        yield f"{len(names)} × {what}: {', '.join(different[:NAMES_TOLD])}{more}"
 
 
 def _numbers(values: Iterable[float]) -> str:

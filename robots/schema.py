@@ -1,4 +1,7 @@
-"""TOML tables → `RobotProfile`. Unknown keys are errors that name the nearest valid key; units stand in key names."""
+"""TOML tables → `RobotProfile`. Unknown keys are errors that name the nearest valid key; units stand in key names.
+
+`[model]` names a URDF or an MJCF (root element <mujoco>), in an installed package or as a `file` beside the profile.
+"""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array
 
 TIMESTEP_S = 0.0005
-FLOOR = "floor"
+FLOOR, WORLD = "floor", "world"
 SOLID_GROUP, SEEN_GROUP = 3, 2
 """MuJoCo's custom: viewers show group 2 and hide group 3."""
 GREY = (0.7, 0.7, 0.72, 1.0)
@@ -37,7 +37,10 @@ KINDS = {
 
 
 def body_names(robot: RobotModel) -> dict[int, str]:
-    """pinocchio joint → the link that it moves; the base's own joint (0 where it is fixed, 1 where it floats) → base link."""
+    """pinocchio joint → the link that it moves; the base's own joint (0 where it is fixed, 1 where it floats) → base link.
+
+    A link that is called as MuJoCo calls the ground gets another name here.
+    """
     children = {
         str(joint.get("name")): str(child.get("link"))
         for joint in ET.fromstring(robot.urdf).findall("joint")
@@ -47,7 +50,10 @@ def body_names(robot: RobotModel) -> dict[int, str]:
     names = {base: robot.base_link}
     for i in range(base + 1, robot.pin_model.njoints):
         names[i] = children[str(robot.pin_model.names[i])]
-    return names
+    free = WORLD
+    while free in names.values():
+        free += "_"
+    return {i: free if name == WORLD else name for i, name in names.items()}
 
 
 def make_spec(

@@ -303,6 +303,33 @@ def test_what_urdf_has_no_word_for_is_told(tmp_path: Path) -> None:
     assert replay_model.build(robot, base="fixed", cache=tmp_path).warnings == told
 
 
+def test_a_robot_on_the_ground_itself_is_simulated(tmp_path: Path) -> None:
+    text = """<mujoco><worldbody><body name="bar" pos="0 0 1"><joint name="hinge" axis="0 1 0" range="-90 90"/>
+      <geom type="capsule" size="0.05 0.5" pos="0 0 -0.5"/></body></worldbody></mujoco>"""
+    robot = built(tmp_path, text)
+    assert robot.base_link == "world"
+    replay = replay_model.build(robot, base="fixed", cache=tmp_path)
+    np.testing.assert_allclose(replay.mj.body_pos[replay.body_of_link["bar"]], [0, 0, 1])
+
+
+def test_a_missing_mesh_of_the_scene_does_not_matter(tmp_path: Path) -> None:
+    scene = '<asset><mesh file="hall.obj"/></asset><worldbody><geom type="mesh" mesh="hall"/></worldbody>'
+    assert built(tmp_path, arm(sections=scene)).warnings == ()
+
+
+def test_what_the_compiler_warns_of_is_told_and_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    robot = built(tmp_path, arm().replace("<compiler", '<compiler settotalmass="5"'))
+    assert robot.mass_kg == pytest.approx(5.0)
+    assert [warning.startswith("MuJoCo: compiler attribute 'settotalmass'") for warning in robot.warnings] == [True]
+    assert list(folder.iterdir()) == []
+    assert capfd.readouterr().err == ""
+
+
 ROBOT = (
     '<body name="r{0}"><freejoint/><geom size="1"/><body name="b{0}"><joint name="j{0}"/><geom size="1"/></body></body>'
 )

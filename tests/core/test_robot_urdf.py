@@ -90,7 +90,7 @@ def test_bytes_are_decoded_as_their_declaration_says() -> None:
         ("<robot", "the model is not XML"),
         (b'<?xml version="1.0" encoding="klingon"?><robot/>', "the model is not XML: unknown encoding"),
         (b"\xff\xfe\x00", "the model is not XML"),
-        ("<mujoco/>", r"the model's root element is <mujoco>; expected <robot> \(URDF\)"),
+        ("<sdf/>", r"the model's root element is <sdf>; expected <robot> \(URDF\) or <mujoco> \(MJCF\)"),
         (
             '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="x"/></robot>',
             r"the model holds the macro <xacro:include>; expected expanded URDF",
