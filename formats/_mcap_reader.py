@@ -24,6 +24,7 @@ _HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _METADATA, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0C, 0x0F
 _LARGEST_RECORD = 4 << 30
+_LARGEST_CHUNK = 1 << 30
 _BLOCK = 16 << 20
 _UNCHUNKED_BATCH = 4096
 
@@ -167,6 +168,12 @@ def _chunk_content(content: bytes, name: str) -> bytes:
     chunk = Chunk.read(_data_stream(content))
     if chunk.compression not in ("", "lz4", "zstd"):
         raise FormatError(name, f"chunk compressed with '{chunk.compression}'", expected="lz4, zstd or none")
+    if chunk.uncompressed_size > _LARGEST_CHUNK:
+        raise FormatError(
+            name,
+            f"a chunk of {chunk.uncompressed_size >> 20} MB",
+            expected=f"at most {_LARGEST_CHUNK >> 20} MB (writers make chunks of 1 to 4 MB)",
+        )
     try:
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
         data: bytes = stream.read(size)

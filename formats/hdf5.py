@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core.errors import FormatError
+from retarget.core.field_checks import LARGEST_ARRAY_BYTES
 from retarget.core.types import JointTrajectory
 from retarget.formats import _trajectory
 from retarget.formats.base import Format, TrajectoryOptions
@@ -161,9 +162,15 @@ class _Reader:
                 return None
             dataset = self.file[path]
             numeric = isinstance(dataset, h5py.Dataset) and dataset.dtype.kind in "fiu"
-            values = dataset[()] if numeric and dataset.ndim == dimensions else None
+            fits = numeric and dataset.ndim == dimensions
+            # A dataset without a byte behind it may claim any shape.
+            size = dataset.size * dataset.dtype.itemsize if fits else 0
+            values = dataset[()] if fits and size <= LARGEST_ARRAY_BYTES else None
         except Exception as error:
             raise FormatError(self.name, f"can't be read: {_one_line(error)}", place=f"/{path}") from error
+        if size > LARGEST_ARRAY_BYTES:
+            expected = f"at most {LARGEST_ARRAY_BYTES >> 20} MB"
+            raise FormatError(self.name, f"an array of {size >> 20} MB", place=f"/{path}", expected=expected)
         if values is None:
             expected = f"an array of numbers with {dimensions} dimensions"
             raise FormatError(self.name, f"found {_one_line(dataset)}", place=f"/{path}", expected=expected)

@@ -252,7 +252,7 @@ TARGETS: Mapping[str, Target] = {
         Target("libsurvive", lambda: [tracker_log("libsurvive")], _trackers("libsurvive")),
         Target(
             "libsurvive.gz",
-            lambda: [gzip.compress(tracker_log("libsurvive"), mtime=0), bomb(tracker_log("libsurvive"), 20_000)],
+            lambda: [gzip.compress(tracker_log("libsurvive"), mtime=0), bomb(tracker_log("libsurvive"), 2_000)],
             _trackers("libsurvive"),
             (in_gzip,),
         ),
