@@ -10,6 +10,8 @@
 | `/status` | (T,) int8 | 0 = solved, 1 = marked |
 
 Attributes of the root: `schema`, `joint_names`, `quat_order`, `robot`, `base_frame`, `source` (provenance as JSON), `robot_description`.
+Texts of variable length, as h5py writes them by default, are read, too; they lie in the file without checksums, and where one of them is
+damaged the HDF5 library takes as much memory (up to 4 GB) as the damaged length asks for before it notices.
 Every array carries its unit in attribute `unit`. Everything comes back bit for bit. HDF5 needs a file that can seek: no pipes.
 """
 
