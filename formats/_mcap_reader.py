@@ -181,7 +181,8 @@ def _chunk_content(content: bytes, name: str) -> bytes:
     if len(data) != chunk.uncompressed_size:
         raise FormatError(name, f"chunk of {len(data)} bytes", expected=f"{chunk.uncompressed_size} as stated")
     if chunk.uncompressed_crc and (crc := zlib.crc32(data)) != chunk.uncompressed_crc:
-        raise FormatError(name, f"checksum of a chunk is {crc:#010x}", expected=f"{chunk.uncompressed_crc:#010x} as stated")
+        problem = f"damaged chunk: crc validation failed, it is {crc:#010x}"
+        raise FormatError(name, problem, expected=f"{chunk.uncompressed_crc:#010x} as stated")
     return data
 
 
