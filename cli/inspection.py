@@ -166,6 +166,8 @@ def _trackers(found: Inspection, recording: TrackerRecording, *, calibrated: boo
     doubtful = any(f"up = {up} is unlikely" in warning for warning in found.record.get("warnings", ()))
     if doubtful:
         suggest[f"--up {'z' if up == 'y' else 'y'}"] = f"with {up} up, positions look wrong"
+    elif any("up axis not declared" in warning for warning in found.record.get("warnings", ())):
+        suggest[f"--up {up}"] = "the file doesn't say which axis is up: this one was taken, and nothing speaks against it"
     unknown = [tracker for tracker in recording.trackers if tracker not in recording.segments]
     if unknown:
         suggest[f"--roles {shlex.quote(unknown[0])}=SEGMENT"] = (

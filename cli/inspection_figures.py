@@ -42,7 +42,7 @@ def rows_of_spans(
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     end = float(time[-1]) + step
     for number, (_, mask, colour) in enumerate(rows):
-        axes.hlines(number, time[0], end, color=FAINT, linewidth=0.7)
+        axes.hlines(number, time[0], end, color=FAINT, linewidth=0.7, zorder=0)
         if mask is None:
             continue
         for shown, paint in ((mask, colour), (~mask, marked)):

@@ -214,11 +214,11 @@ def _text(name: str, arrays: Arrays, key: str, default: str) -> str:
 def _texts(name: str, key: str, values: NDArray[Any]) -> tuple[str, ...]:
     """NumPy texts as Python ones; bytes are taken as UTF-8."""
     try:
-        # Code points above Unicode's last make tolist itself raise ValueError, of which UnicodeError is a child.
+        # Code points above Unicode's last make tolist itself raise ValueError (of which UnicodeError is a child) or SystemError.
         return tuple(
             value.decode() if isinstance(value, bytes) else value.encode().decode() for value in values.tolist()
         )
-    except ValueError as error:
+    except (ValueError, SystemError) as error:
         raise FormatError(name, "not Unicode text", place=key) from error
 
 

@@ -1,7 +1,7 @@
 """Feeds mutated files to a reader in a process of its own: what it survives, and what it does not.
 
 An input fails when the reader raises anything but a `RetargetError` of one line, gives a warning, ends its process, needs more than
-`HANG_S` of processor time, or more memory than `Target.memory_bytes` above what the process had. Input k of a reader is the same in every run.
+`HANG_S` of processor time, or more than `MEMORY_BYTES` above what the process had. Input k of a reader is the same in every run.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from retarget.core.errors import RetargetError
 from tests.fuzz.corpus import TARGETS, Target
 
 HANG_S = 2.0
+MEMORY_BYTES = 512 << 20
 _LARGEST_FINDINGS = 20
 
 
@@ -95,7 +96,7 @@ def _run_worker(target: Target, outcome: Outcome, at: int, end: int, until: floa
         return done
     kind = {
         -signal.SIGPROF: f"no answer after {HANG_S:g} s of processor time",
-        _TOO_MUCH: f"more than {target.memory_bytes >> 20} MB of memory",
+        _TOO_MUCH: f"more than {MEMORY_BYTES >> 20} MB of memory",
     }.get(worker.exitcode or 0, f"the process ended with {worker.exitcode}")
     if worker.exitcode != _TOO_MUCH or not any(finding.kind == kind for finding in outcome.findings):
         outcome.findings.append(Finding(done, kind))
@@ -115,7 +116,7 @@ def _work(name: str, at: int, end: int, until: float, place: Any, pipe: Connecti
     gc.collect()
     usual = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     size = _virtual_bytes()
-    resource.setrlimit(resource.RLIMIT_AS, (size + 4 * target.memory_bytes, resource.RLIM_INFINITY))
+    resource.setrlimit(resource.RLIMIT_AS, (size + 4 * MEMORY_BYTES, resource.RLIM_INFINITY))
     slowest = 0.0
     for index in range(at, end):
         place[0] = index
@@ -129,7 +130,7 @@ def _work(name: str, at: int, end: int, until: float, place: Any, pipe: Connecti
         signal.setitimer(signal.ITIMER_PROF, 0)
         if finding:
             pipe.send(finding)
-        if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 > usual + target.memory_bytes:
+        if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 > usual + MEMORY_BYTES:
             pipe.send(slowest)
             os._exit(_TOO_MUCH)
     else:
