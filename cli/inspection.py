@@ -14,7 +14,7 @@ from retarget import formats, robots
 from retarget.cli.plan import PIPE
 from retarget.cli.tracker_logs import load_calibration, tracker_options
 from retarget.core import inspection
-from retarget.core.errors import MotionError, RetargetError
+from retarget.core.errors import RetargetError
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def inspect_file(path: str, facts: Mapping[str, Any], calibration: str | None, r
     found = Inspection(path, {"input": path, **formats.describe(source(), shown, options=options)})
     try:
         content = formats.read_any(source(), shown, options=options)
-    except MotionError as error:
+    except RetargetError as error:  # it could be described, so this is about what it holds
         found.doubts.append(str(error).removeprefix(f"{shown}: "))
         return found.finished()
     if isinstance(content, TrackerRecording) and calibration is not None:
@@ -118,22 +118,28 @@ def _suggest_for_motion(
     fitting = [entry["robot"] for entry in found.record["robots"] if not entry["lacks"]]
     hands = all(motion.has(segment) for segment in ("T8", "LeftHand", "RightHand"))
     if calibration is not None:
-        suggest[f"retarget convert {name} --robot tocabi --method telemanipulation --calibration {_quoted(calibration)}"] = (
-            "the person is calibrated: hands can be placed"
-        )
+        suggest[
+            f"retarget convert {name} --robot tocabi --method telemanipulation --calibration {_quoted(calibration)}"
+        ] = "the person is calibrated: hands can be placed"
     elif fitting:
         best = "g1" if "g1" in fitting else fitting[0]
         suggest[f"retarget convert {name} --robot {best}"] = f"all that {', '.join(fitting)} follow was measured"
     if not all(motion.has(f"{side}{part}") for side in ("Left", "Right") for part in ("UpperLeg", "LowerLeg", "Foot")):
         suggest["--base fixed"] = "the legs were not measured: a robot's base can't follow them"
-    elif findings.contacts is not None and findings.contacts.any(axis=1).mean() > ALL_FRACTION and (findings.travel_m or 0) > 0.3:
+    elif (
+        findings.contacts is not None
+        and findings.contacts.any(axis=1).mean() > ALL_FRACTION
+        and (findings.travel_m or 0) > 0.3
+    ):
         suggest["--base contact"] = "a foot is always on the ground: the base can be moved so that it stays where it is"
     if hands and calibration is None and all(findings.poses.get(pose) for pose in ("T-pose", "arms forward")):
         suggest[f"retarget calibrate {name} -o operator.json"] = (
             "T-pose and arms ahead are shown: enough for --method telemanipulation, if the arms hang down somewhere, too"
         )
     if findings.timing.uneven:
-        suggest[f"--rate {_round_rate(findings.timing.usual_s):g}"] = "frames come unevenly: an even rate is easier to follow"
+        suggest[f"--rate {_round_rate(findings.timing.usual_s):g}"] = (
+            "frames come unevenly: an even rate is easier to follow"
+        )
     elif motion.rate_hz > FAST_RATE_HZ:
         suggest["--rate 120"] = f"{motion.rate_hz:g} Hz is more than most robots are commanded at"
     if (start := _start_of_motion(motion, findings)) is not None:
@@ -167,7 +173,9 @@ def _trackers(found: Inspection, recording: TrackerRecording, *, calibrated: boo
     if doubtful:
         suggest[f"--up {'z' if up == 'y' else 'y'}"] = f"with {up} up, positions look wrong"
     elif any("up axis not declared" in warning for warning in found.record.get("warnings", ())):
-        suggest[f"--up {up}"] = "the file doesn't say which axis is up: this one was taken, and nothing speaks against it"
+        suggest[f"--up {up}"] = (
+            "the file doesn't say which axis is up: this one was taken, and nothing speaks against it"
+        )
     unknown = [tracker for tracker in recording.trackers if tracker not in recording.segments]
     if unknown:
         suggest[f"--roles {shlex.quote(unknown[0])}=SEGMENT"] = (
@@ -214,7 +222,9 @@ def _trajectory(found: Inspection, trajectory: JointTrajectory, robot: str | Non
     model = robot_model.build(profile)
     if set(model.joint_names) != set(trajectory.joint_names):
         odd = sorted(set(model.joint_names) ^ set(trajectory.joint_names))
-        found.doubts.append(f"the joints are not those of {chosen}: {', '.join(odd[:SHOWN])}{' …' if odd[SHOWN:] else ''}")
+        found.doubts.append(
+            f"the joints are not those of {chosen}: {', '.join(odd[:SHOWN])}{' …' if odd[SHOWN:] else ''}"
+        )
         return
     order = [trajectory.joint_names.index(joint) for joint in model.joint_names]
     found.data = _reordered(trajectory, model.joint_names, order)
@@ -227,7 +237,9 @@ def _trajectory(found: Inspection, trajectory: JointTrajectory, robot: str | Non
     if fast:
         found.doubts.append(f"faster than their limits: {', '.join(fast)}")
     if timing.uneven:
-        found.doubts.append(f"{timing.uneven} steps between frames differ from the usual {1000 * timing.usual_s:.3g} ms")
+        found.doubts.append(
+            f"{timing.uneven} steps between frames differ from the usual {1000 * timing.usual_s:.3g} ms"
+        )
     given = "" if trajectory.robot == chosen else f" --robot {shlex.quote(chosen)}"
     found.suggestions[f"retarget validate {name}{given}"] = "replays it in physics and gives a verdict"
 
@@ -265,7 +277,12 @@ def _ranges(trajectory: JointTrajectory, model: RobotModel | None) -> list[dict[
     rows = []
     for column, joint in enumerate(trajectory.joint_names):
         angle, speed = trajectory.position[:, column], np.abs(trajectory.velocity[:, column]).max()
-        row: dict[str, Any] = {"joint": joint, "min": float(angle.min()), "max": float(angle.max()), "speed": float(speed)}
+        row: dict[str, Any] = {
+            "joint": joint,
+            "min": float(angle.min()),
+            "max": float(angle.max()),
+            "speed": float(speed),
+        }
         if model is not None:
             lower, upper = float(model.lower[column]), float(model.upper[column])
             outside = (angle < lower - 1e-9) | (angle > upper + 1e-9)

@@ -37,7 +37,9 @@ def rows_of_spans(
     """
     height = 0.5 + ROW_IN * len(rows)
     figure = Figure(figsize=(WIDTH_IN, height))
-    figure.subplots_adjust(left=label_in / WIDTH_IN, right=1 - 0.1 / WIDTH_IN, top=1 - 0.06 / height, bottom=0.4 / height)
+    figure.subplots_adjust(
+        left=label_in / WIDTH_IN, right=1 - 0.1 / WIDTH_IN, top=1 - 0.06 / height, bottom=0.4 / height
+    )
     axes = figure.subplots()
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     end = float(time[-1]) + step
@@ -87,7 +89,11 @@ def measured(motion: HumanMotion, gaps: Sequence[Mapping[str, Any]]) -> Figure:
 def contacts(time: Array, found: BoolArray) -> Figure:
     """When heels and toes are on the ground."""
     rows = [
-        (name.replace("_", " ").replace("Foot", " foot").lower(), found[:, column], LEFT if name.startswith("Left") else RIGHT)
+        (
+            name.replace("_", " ").replace("Foot", " foot").lower(),
+            found[:, column],
+            LEFT if name.startswith("Left") else RIGHT,
+        )
         for column, name in enumerate(FOOT_CONTACTS)
     ]
     return rows_of_spans(time, rows)

@@ -68,16 +68,38 @@ def _figures(found: Inspection) -> list[tuple[str, str, Figure]]:
             how = "as recorded" if findings.contacts_recorded else "estimated from height and speed"
             made.append(("Feet on the ground", f"{how.capitalize()}.", plots.contacts(data.time, findings.contacts)))
         if findings.poses:
-            made.append(("Poses of the arms", "Upper arms and forearms of both sides, within 30°.", plots.poses(data.time, findings.poses)))
+            made.append(
+                (
+                    "Poses of the arms",
+                    "Upper arms and forearms of both sides, within 30°.",
+                    plots.poses(data.time, findings.poses),
+                )
+            )
         made += [
-            ("Height and clock", "A step or a slope in the height: another floor, or drift.", plots.curves(data.time, findings)),
-            ("Angular speed", "Of every segment; single dark frames are jumps.", plots.turning(data.time, data.segments, findings.turn_rad_s)),
+            (
+                "Height and clock",
+                "A step or a slope in the height: another floor, or drift.",
+                plots.curves(data.time, findings),
+            ),
+            (
+                "Angular speed",
+                "Of every segment; single dark frames are jumps.",
+                plots.turning(data.time, data.segments, findings.turn_rad_s),
+            ),
         ]
     elif isinstance(data, TrackerRecording) and isinstance(findings, TrackerFindings):
         made += [
             ("Tracked", "Blue: measured. Orange: lost, interpolated or held.", plots.tracked(data)),
-            ("Where the trackers went", "X ahead, Z up, after the file's axes were turned into the house's.", plots.paths(data)),
-            ("Angular speed", "Of every tracker; single dark frames are jumps.", plots.turning(data.time, data.trackers, findings.turn_rad_s)),
+            (
+                "Where the trackers went",
+                "X ahead, Z up, after the file's axes were turned into the house's.",
+                plots.paths(data),
+            ),
+            (
+                "Angular speed",
+                "Of every tracker; single dark frames are jumps.",
+                plots.turning(data.time, data.trackers, findings.turn_rad_s),
+            ),
         ]
     elif isinstance(data, JointTrajectory) and found.model is not None:
         from retarget.cli.stick_figures import ROBOT_COLOURS, bodies_strip
@@ -85,7 +107,11 @@ def _figures(found: Inspection) -> list[tuple[str, str, Figure]]:
 
         points, bones = stick_figure.robot_figure(data, found.model)
         made += [
-            ("Robot", "At evenly spaced instants, seen from front right.", bodies_strip([(points, bones, ROBOT_COLOURS[0])], data.time, 8)),
+            (
+                "Robot",
+                "At evenly spaced instants, seen from front right.",
+                bodies_strip([(points, bones, ROBOT_COLOURS[0])], data.time, 8),
+            ),
             ("Joints", "Every joint between its limits.", figures.joint_angles(data, found.model)),
             ("Joint speeds", "1 would be a joint at its velocity limit.", figures.joint_speeds(data, found.model)),
         ]
@@ -101,7 +127,9 @@ def _joints(record: Mapping[str, Any]) -> str:
             f"<tr><th>{html.escape(row['joint'])}</th><td>{row['min']:.3f} … {row['max']:.3f}</td>"
             f"<td>{row['lower']:.3f} … {row['upper']:.3f}</td>{outside}<td{fast}>{row['speed_ratio']:.2f}</td></tr>"
         )
-    head = "<th></th><th>range / rad</th><th>limits / rad</th><th>frames outside</th><th>fastest, part of its limit</th>"
+    head = (
+        "<th></th><th>range / rad</th><th>limits / rad</th><th>frames outside</th><th>fastest, part of its limit</th>"
+    )
     return f'<div class="scroll"><table class="joints"><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
 
 

@@ -45,7 +45,9 @@ def lines(record: Mapping[str, Any], width: int = 0) -> list[str]:
     others = [row["robot"] for row in record.get("robots", ()) if row["lacks"]]
     if record.get("robots"):
         partly = f"partly: {', '.join(others)}" if others else ""
-        rows.append(("robots that fit", "; ".join(part for part in (", ".join(fitting) or "none wholly", partly) if part)))
+        rows.append(
+            ("robots that fit", "; ".join(part for part in (", ".join(fitting) or "none wholly", partly) if part))
+        )
     width = max([width, *(len(name) for name, _ in rows)])
     out = [f"  {name:<{width}}  {text}" for name, text in rows]
     out += [f"  {'beware' if i == 0 else '':<{width}}  {text}" for i, text in enumerate(record["doubts"])]
@@ -110,11 +112,15 @@ def _person(person: Mapping[str, Any] | None) -> str:
         parts.append(f"about {person['stature_m']:.2f} m tall")
     if person["upright"] is not None:
         upright = person["upright"]
-        parts.append("upright" if upright > 0.8 else "bent" if upright > 0.3 else "lying" if upright > -0.3 else "upside down")
+        parts.append(
+            "upright" if upright > 0.8 else "bent" if upright > 0.3 else "lying" if upright > -0.3 else "upside down"
+        )
     if person["heading_deg"] is not None:
         heading = person["heading_deg"]
         turned = heading["max"] - heading["min"]
-        parts.append(f"faces {heading['first']:.0f}° from X at first" + (f", turns over {turned:.0f}°" if turned > 10 else ""))
+        parts.append(
+            f"faces {heading['first']:.0f}° from X at first" + (f", turns over {turned:.0f}°" if turned > 10 else "")
+        )
     if person["travel_m"] is not None:
         parts.append(f"walks {person['travel_m']:.1f} m" if person["travel_m"] > 0.5 else "stays in place")
     return ", ".join(parts)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-
 LONGEST_MESSAGE = 1500
 """Characters: names and cells of a broken file can be as long as the file; a message stays one that can be read."""
 

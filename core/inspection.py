@@ -134,7 +134,9 @@ def inspect_trackers(recording: TrackerRecording) -> TrackerFindings:
     if spread > 50:
         doubts.append(f"positions spread over {spread:.0f} m: are they in centimetres or millimetres?")
     elif len(recording.trackers) > 2 and spread < 0.1:
-        doubts.append(f"positions spread over {spread:.2g} m only: are they in kilometres, or is nobody wearing the trackers?")
+        doubts.append(
+            f"positions spread over {spread:.2g} m only: are they in kilometres, or is nobody wearing the trackers?"
+        )
     return TrackerFindings(timing, turn, speed, tuple(doubts))
 
 
@@ -158,7 +160,9 @@ def arm_poses(motion: HumanMotion) -> dict[str, list[Span]]:
             pointing = rotations.rotate(turn, rotations.rotate(motion.orientation[:, motion.index(name)], along))
             shows &= pointing @ np.array(directions[side]) > np.cos(np.radians(POSE_TOLERANCE_DEG))
         found[pose] = [
-            (start, end) for start, end in spans(motion.time, shows) if end - start >= SHORTEST_POSE_S or motion.frames == 1
+            (start, end)
+            for start, end in spans(motion.time, shows)
+            if end - start >= SHORTEST_POSE_S or motion.frames == 1
         ]
     return found
 

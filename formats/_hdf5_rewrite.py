@@ -55,7 +55,10 @@ def main() -> int:
     resource.setrlimit(resource.RLIMIT_AS, (LARGEST_ARRAY_BYTES, resource.RLIM_INFINITY))
     out = io.BytesIO()
     try:
-        with h5py.File(io.BytesIO(sys.stdin.buffer.read()), "r") as old, h5py.File(out, "w", libver=("v108", "v110")) as new:
+        with (
+            h5py.File(io.BytesIO(sys.stdin.buffer.read()), "r") as old,
+            h5py.File(out, "w", libver=("v108", "v110")) as new,
+        ):
             _copy_attributes(old, new)
             _copy_datasets(old, new, _DEPTH)
     # The library reports damage as whatever class fits the place where it stumbles.
@@ -83,9 +86,7 @@ def _copy_attributes(old: object, new: object) -> None:
         if longest * len(encoded) > _LONGEST_TEXT:
             raise ValueError(f"attribute {key} is longer than {_LONGEST_TEXT >> 20} MB")
         flat = np.array(encoded, f"S{max(1, longest)}")
-        new.attrs.create(
-            key, flat.reshape(np.shape(value)), dtype=h5py.string_dtype("utf-8", max(1, longest))
-        )
+        new.attrs.create(key, flat.reshape(np.shape(value)), dtype=h5py.string_dtype("utf-8", max(1, longest)))
 
 
 def _copy_datasets(old: object, new: object, depth: int) -> None:

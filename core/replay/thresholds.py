@@ -17,7 +17,6 @@ The rows of `TABLE` are the documentation: name, unit, default, and why.
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -172,7 +171,11 @@ def _unknown(name: str, rows: Mapping[str, Threshold], where: str) -> UsageError
 def _read(path: Path, mode: str) -> dict[str, float | None]:
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:  # ValueError: no TOML, no UTF-8, numbers of thousands of digits
+    except (
+        OSError,
+        ValueError,
+        RecursionError,
+    ) as error:  # ValueError: no TOML, no UTF-8, numbers of thousands of digits
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise ProfileError(path, f"no readable thresholds: {reason}") from None
     everywhere: dict[str, float | None] = {}

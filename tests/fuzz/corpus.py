@@ -127,7 +127,9 @@ def lying_npz() -> bytes:
     with zipfile.ZipFile(io.BytesIO(written("npz"))) as source, zipfile.ZipFile(out, "w") as archive:
         for name in source.namelist():
             content = source.read(name)
-            archive.writestr(name, content.replace(b"(4, 2), }", b"(1000000000000, 2), }") if "joint_pos" in name else content)
+            archive.writestr(
+                name, content.replace(b"(4, 2), }", b"(1000000000000, 2), }") if "joint_pos" in name else content
+            )
     return out.getvalue()
 
 
@@ -246,9 +248,9 @@ def _motions() -> Sequence[bytes]:
 TARGETS: Mapping[str, Target] = {
     target.name: target
     for target in (
-        Target("mvnx", _motions, _motion),
-        Target("mvnx-describe", _motions, _described("mvnx")),
-        Target("mvnx.gz", lambda: [gzip.compress(m, 1, mtime=0) for m in _motions()], _motion, (in_gzip,)),
+        Target("mvnx", _motions, _motion, cost=2),
+        Target("mvnx-describe", _motions, _described("mvnx"), cost=4),
+        Target("mvnx.gz", lambda: [gzip.compress(m, 1, mtime=0) for m in _motions()], _motion, (in_gzip,), cost=3),
         Target("vive", lambda: [tracker_log("wide"), tracker_log("long")], _trackers("vive")),
         Target("columns", lambda: [COLUMNS_TOML], _columns),
         Target("libsurvive", lambda: [tracker_log("libsurvive")], _trackers("libsurvive")),
@@ -259,9 +261,14 @@ TARGETS: Mapping[str, Target] = {
             (in_gzip,),
         ),
         Target("mcap", lambda: [written("mcap"), unchecked_mcap()], _read_trajectory("mcap"), (in_records,)),
-        Target("hdf5", lambda: [written("hdf5"), foreign_hdf5(checksums=True, time=(10**12,))], _read_trajectory("hdf5"), (of_bytes,)),
-        # Every read starts a process: a tenth of the others' speed.
-        Target("hdf5-foreign", lambda: [foreign_hdf5()], _read_trajectory("hdf5"), (of_bytes,), cost=20),
+        Target(
+            "hdf5",
+            lambda: [written("hdf5"), foreign_hdf5(checksums=True, time=(10**12,))],
+            _read_trajectory("hdf5"),
+            (of_bytes,),
+        ),
+        # Every read starts a process.
+        Target("hdf5-foreign", lambda: [foreign_hdf5()], _read_trajectory("hdf5"), (of_bytes,), cost=100),
         Target("csv", lambda: [written("csv")], _read_trajectory("csv")),
         Target("csv-unitree", lambda: [written("csv", "unitree")], _read_trajectory("csv", HEADERLESS)),
         Target("npz", lambda: [written("npz"), lying_npz()], _read_trajectory("npz"), (in_zip,)),

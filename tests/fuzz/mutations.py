@@ -29,7 +29,23 @@ WORDS = (
     b'<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>',
     *("é".encode(), "\u202e".encode(), "\U0001f600".encode(), b"\xed\xa0\x80", b"../../x", b"/", b"x" * 300, b"%s{0}"),
 )
-_WHOLE = (0, 1, -1, 2, 127, 128, 255, 256, 1 << 15, 1 << 16, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, 1 << 40, (1 << 63) - 1)
+_WHOLE = (
+    0,
+    1,
+    -1,
+    2,
+    127,
+    128,
+    255,
+    256,
+    1 << 15,
+    1 << 16,
+    (1 << 31) - 1,
+    1 << 31,
+    (1 << 32) - 1,
+    1 << 40,
+    (1 << 63) - 1,
+)
 _NUMBER = re.compile(rb"[-+]?[0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?")
 _WORD = re.compile(rb"[A-Za-z_]+")
 
@@ -142,7 +158,10 @@ def in_records(rng: random.Random, data: bytes) -> bytes:
         records.insert(rng.randrange(len(records)), records[one])
     else:
         opcode, content = records[one]
-        records[one] = (rng.choice((opcode, opcode, opcode, rng.randrange(16))), rng.choice((of_bytes, of_text))(rng, content))
+        records[one] = (
+            rng.choice((opcode, opcode, opcode, rng.randrange(16))),
+            rng.choice((of_bytes, of_text))(rng, content),
+        )
     body = b"".join(struct.pack("<BQ", opcode, len(content)) + content for opcode, content in records)
     return (data[:8] + body + data[-8:])[:MAX_BYTES]
 

@@ -7,6 +7,7 @@ An input fails when the reader raises anything but a `RetargetError` of one line
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import gc
 import multiprocessing
 import os
@@ -108,6 +109,7 @@ _TOO_MUCH = 77
 
 
 def _work(name: str, at: int, end: int, until: float, place: Any, pipe: Connection) -> None:
+    faulthandler.disable()
     signal.signal(signal.SIGPROF, signal.SIG_DFL)  # ends the process, in whatever library it hangs
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     target = TARGETS[name]
