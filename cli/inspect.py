@@ -92,7 +92,7 @@ def _pages(paths: list[str], report: str | None, force: bool) -> dict[str, str]:
     if not template.lower().endswith((".html", ".htm")):
         raise UsageError(f"--report {template}: expected a file name ending in .html")
     suffixes = [suffix for format_ in formats.available().values() for suffix in format_.suffixes]
-    pages = {path: template.replace("{stem}", plan.stem(path, suffixes)) for path in paths}
+    pages = {path: plan.with_stem(template, plan.stem(path, suffixes), "--report") for path in paths}
     plan.check_single_files(list(pages.values()), [path for path in paths if path != PIPE], overwrite=force)
     return pages
 

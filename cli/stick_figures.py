@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from retarget.cli.figures import FAINT, WIDTH_IN, styled
 from retarget.core.types import Array
 
@@ -38,7 +39,9 @@ def strip(results: Sequence[ConvertResult], instants: int = 6) -> Figure:
 
 
 @styled
-def bodies_strip(bodies: Sequence[tuple[Array, Array, tuple[str, str]]], time: Array, instants: int = 6) -> Figure:
+def bodies_strip(
+    bodies: Sequence[tuple[Array, NDArray[Any], tuple[str, str]]], time: Array, instants: int = 6
+) -> Figure:
     """Bodies side by side at evenly spaced instants of `time` (T,) s; each: points (T, P, 3) m, bones (B, 2), colours of near and far bones."""
     frames = np.linspace(0, len(time) - 1, min(instants, len(time))).round().astype(int)
     views = [[_view(points[frame]) for points, _, _ in bodies] for frame in frames]

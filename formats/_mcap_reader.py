@@ -195,7 +195,7 @@ def _decompressed(chunk: Chunk) -> bytes:
         with zstandard.ZstdDecompressor().stream_reader(io.BytesIO(chunk.data)) as stream:
             return bytes(stream.read(most))
     if chunk.compression == "lz4":
-        import lz4.frame
+        import lz4.frame  # type: ignore[import-untyped]  # has none
 
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most))
     return chunk.data

@@ -154,3 +154,11 @@ def test_a_trajectory_beyond_its_limits(run: Run, walk: Path, tmp_path: Path) ->
     assert any(str(doubt).startswith("beyond their limits: ") for doubt in found["doubts"])  # type: ignore[attr-defined]
     assert run("inspect", tmp_path / "wrong.csv").exit_code == 0
     assert 'class="bad">2</td>' in (tmp_path / "wrong_inspect.html").read_text()
+
+
+def test_a_file_name_that_would_leave_the_folder(run: Run, walk: Path) -> None:
+    hostile = walk.with_name("...mvnx")
+    hostile.write_bytes(walk.read_bytes())
+    result = run("inspect", hostile, "--report", "{stem}/page.html")
+    assert result.exit_code == 2
+    assert "{stem} would be '..', which is no file name" in result.stderr
