@@ -33,6 +33,7 @@ class Inspection:
 
     record: JSON-able facts; its keys "doubts" (sentences) and "suggestions" (option → why) are filled as they are found.
     data: what was read, None where only the facts could be. findings: of recordings. model: the robot of a trajectory, where it is known.
+    trackers: what a motion of calibrated trackers was made of.
     """
 
     path: str
@@ -40,6 +41,7 @@ class Inspection:
     data: HumanMotion | TrackerRecording | JointTrajectory | None = None
     findings: MotionFindings | TrackerFindings | None = None
     model: RobotModel | None = None
+    trackers: TrackerRecording | None = None
     doubts: list[str] = field(default_factory=list)
     suggestions: dict[str, str] = field(default_factory=dict)
 
@@ -73,7 +75,7 @@ def inspect_file(path: str, facts: Mapping[str, Any], calibration: str | None, r
         from retarget.core.calibrate.apply import apply
 
         _trackers(found, content, calibrated=True)
-        content = apply(load_calibration(calibration), content)
+        found.trackers, content = content, apply(load_calibration(calibration), content)
     found.data = content
     if isinstance(content, JointTrajectory):
         _trajectory(found, content, robot)
@@ -108,6 +110,7 @@ def _motion(found: Inspection, motion: HumanMotion, calibration: str | None) -> 
         }
     record["fastest"] = _fastest(motion.segments, findings.turn_rad_s, findings.speed_m_s, motion.measured)
     record["robots"] = _fitting_robots(motion)
+    record["calibrated"] = calibration is not None
     _suggest_for_motion(found, motion, findings, calibration)
 
 
@@ -123,8 +126,11 @@ def _suggest_for_motion(
         ] = "the person is calibrated: hands can be placed"
     elif fitting:
         best = "g1" if "g1" in fitting else fitting[0]
-        suggest[f"retarget convert {name} --robot {best}"] = f"all that {', '.join(fitting)} follow was measured"
-    if not all(motion.has(f"{side}{part}") for side in ("Left", "Right") for part in ("UpperLeg", "LowerLeg", "Foot")):
+        suggest[f"retarget convert {name} --robot {best}"] = (
+            f"fits {', '.join(fitting)}: all segments that they follow were measured"
+        )
+    legs = all(motion.has(f"{side}{part}") for side in ("Left", "Right") for part in ("UpperLeg", "LowerLeg", "Foot"))
+    if not legs and calibration is None:
         suggest["--base fixed"] = "the legs were not measured: a robot's base can't follow them"
     elif (
         findings.contacts is not None
@@ -304,7 +310,7 @@ def _fitting_robots(motion: HumanMotion) -> list[dict[str, Any]]:
         if profile.model.kind == "human":
             continue
         lacks = [segment for segment in profile.links if not motion.has(segment)]
-        rows.append({"robot": name, "follows": len(profile.links), "lacks": lacks})
+        rows.append({"robot": name, "follows": len(profile.links), "lacks": lacks, "places_hands": bool(profile.arms)})
     return sorted(rows, key=lambda row: len(row["lacks"]))
 
 

@@ -20,8 +20,17 @@ PALETTE = ("#1f6fb4", "#d9762b", "#3f8f4f", "#8a4fa3", "#b3261e", "#5b636e", "#0
 
 
 def person(motion: HumanMotion) -> Figure | None:
-    """Stick figures at eight instants; None where too little was tracked."""
-    points, bones = stick_figure.human_figure(motion)
+    """Stick figures of what was measured, at eight instants; None where that is too little."""
+    columns = np.flatnonzero(motion.measured)
+    if not len(columns):
+        return None
+    seen = HumanMotion(
+        time=motion.time,
+        segments=tuple(motion.segments[column] for column in columns),
+        orientation=motion.orientation[:, columns],
+        position=motion.position[:, columns],
+    )
+    points, bones = stick_figure.human_figure(seen)
     if points.shape[1] < 3 or not len(bones):
         return None
     return bodies_strip([(points, bones, PERSON_COLOURS)], motion.time, 8)
@@ -117,7 +126,7 @@ def curves(time: Array, findings: MotionFindings) -> Figure | None:
     steps = np.diff(time) * 1000
     plots = []
     if findings.pelvis_height_m is not None:
-        plots.append(("pelvis over the ground / m", time[keep], findings.pelvis_height_m[keep]))
+        plots.append(("height of the pelvis / m", time[keep], findings.pelvis_height_m[keep]))
     if len(steps):
         inner = thinned(len(steps))
         plots.append(("time between frames / ms", time[1:][inner], steps[inner]))

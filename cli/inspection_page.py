@@ -19,6 +19,8 @@ STYLE = """<style>td, th { vertical-align: top; } .facts td { text-align: left; 
 li { margin: .15rem 0; } code { background: #f1f3f5; padding: .05rem .3rem; border-radius: .2rem; overflow-wrap: anywhere; }
 .joints td:nth-child(2) { padding-right: 1.6rem; }</style>"""
 
+TRACKED = "Blue: measured. Orange: lost, interpolated or held."
+
 
 def page(found: Inspection) -> str:
     """The HTML text."""
@@ -58,12 +60,14 @@ def _figures(found: Inspection) -> list[tuple[str, str, Figure]]:
         gaps = found.record.get("gaps", ())
         made += [
             ("Person", "At evenly spaced instants, seen from front right; the far side paler.", plots.person(data)),
-            (
-                "Measured",
-                "Blue: measured. Orange: missing, interpolated. A thin line: never measured.",
-                plots.measured(data, [gap for gap in gaps if "segments" in gap]),
-            ),
         ]
+        if found.trackers is not None:
+            made.append(("Tracked", TRACKED, plots.tracked(found.trackers)))
+        else:
+            figure = plots.measured(data, [gap for gap in gaps if "segments" in gap])
+            made.append(
+                ("Measured", "Blue: measured. Orange: missing, interpolated. A thin line: never measured.", figure)
+            )
         if findings.contacts is not None:
             how = "as recorded" if findings.contacts_recorded else "estimated from height and speed"
             made.append(("Feet on the ground", f"{how.capitalize()}.", plots.contacts(data.time, findings.contacts)))
@@ -89,7 +93,7 @@ def _figures(found: Inspection) -> list[tuple[str, str, Figure]]:
         ]
     elif isinstance(data, TrackerRecording) and isinstance(findings, TrackerFindings):
         made += [
-            ("Tracked", "Blue: measured. Orange: lost, interpolated or held.", plots.tracked(data)),
+            ("Tracked", TRACKED, plots.tracked(data)),
             (
                 "Where the trackers went",
                 "X ahead, Z up, after the file's axes were turned into the house's.",
@@ -135,7 +139,7 @@ def _joints(record: Mapping[str, Any]) -> str:
 
 def _robots(record: Mapping[str, Any]) -> str:
     rows = "".join(
-        f"<tr><th>{html.escape(row['robot'])}</th><td>{html.escape(inspection_text.fit(row))}</td></tr>"
+        f"<tr><th>{html.escape(row['robot'])}</th><td>{html.escape(inspection_text.fit(row, hands=record['calibrated']))}</td></tr>"
         for row in record["robots"]
     )
     return f'<div class="scroll"><table class="facts"><tbody>{rows}</tbody></table></div>'

@@ -31,8 +31,14 @@ def facts(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(name, text) for name, text in made if text]
 
 
-def fit(row: Mapping[str, Any]) -> str:
-    """How a robot fits: what it follows and what of that was not measured."""
+def fit(row: Mapping[str, Any], *, hands: bool = False) -> str:
+    """How a robot fits: what it follows and what of that was not measured; with `hands`, whether its hands can be placed."""
+    if hands:
+        return (
+            "its hands can be placed"
+            if row["places_hands"]
+            else "its profile says nothing of arms: hands can't be placed"
+        )
     if not row["lacks"]:
         return f"fits: all {row['follows']} segments that it follows were measured"
     return f"follows {row['follows']} segments; not measured: {grouped(row['lacks'])}"
@@ -43,7 +49,10 @@ def lines(record: Mapping[str, Any], width: int = 0) -> list[str]:
     rows = facts(record)
     fitting = [row["robot"] for row in record.get("robots", ()) if not row["lacks"]]
     others = [row["robot"] for row in record.get("robots", ()) if row["lacks"]]
-    if record.get("robots"):
+    if record.get("calibrated"):
+        placed = [row["robot"] for row in record["robots"] if row["places_hands"]]
+        rows.append(("robots to place hands", ", ".join(placed)))
+    elif record.get("robots"):
         partly = f"partly: {', '.join(others)}" if others else ""
         rows.append(
             ("robots that fit", "; ".join(part for part in (", ".join(fitting) or "none wholly", partly) if part))
@@ -119,7 +128,8 @@ def _person(person: Mapping[str, Any] | None) -> str:
         heading = person["heading_deg"]
         turned = heading["max"] - heading["min"]
         parts.append(
-            f"faces {heading['first']:.0f}° from X at first" + (f", turns over {turned:.0f}°" if turned > 10 else "")
+            f"faces {round(heading['first']) + 0}° from X at first"
+            + (f", turns over {turned:.0f}°" if turned > 10 else "")
         )
     if person["travel_m"] is not None:
         parts.append(f"walks {person['travel_m']:.1f} m" if person["travel_m"] > 0.5 else "stays in place")

@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import os
 import signal
+import struct
 import time
+import tracemalloc
 from dataclasses import replace
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
 from retarget.core.errors import FormatError, RetargetError
+from retarget.formats._mcap_reader import MAGIC
 
 from tests.fuzz import corpus, runner
 from tests.fuzz.corpus import TARGETS, Target
@@ -86,6 +91,27 @@ def test_zip_bomb_and_lying_header(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(data) < 1 << 20
     with pytest.raises(FormatError, match=r"its arrays take 200 MB; expected at most 16 MB"):
         TARGETS["npz"].read(data)
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+@pytest.mark.parametrize(
+    ("stated", "problem"),
+    [(1000, r"chunk of 1001 bytes; expected 1000 as stated"), (1 << 31, r"a chunk of 2048 MB; expected at most 1024")],
+)
+def test_mcap_chunk_that_is_a_bomb(compression: str, stated: int, problem: str) -> None:
+    """64 MB of zeros in a chunk that states another size: no more than that is unpacked."""
+    zeros = bytes(64 << 20)
+    packed = zstandard.compress(zeros) if compression == "zstd" else lz4.frame.compress(zeros)
+    name = struct.pack("<I", len(compression)) + compression.encode()
+    chunk = struct.pack("<QQQI", 0, 0, stated, 0) + name + struct.pack("<Q", len(packed)) + packed
+    header, footer = (struct.pack("<BQ", opcode, size) + bytes(size) for opcode, size in ((1, 8), (2, 20)))
+    data = MAGIC + header + struct.pack("<BQ", 6, len(chunk)) + chunk + footer + MAGIC
+    assert len(data) < 1 << 20
+    tracemalloc.start()
+    with pytest.raises(FormatError, match=problem):
+        TARGETS["mcap"].read(data)
+    assert tracemalloc.get_traced_memory()[1] < 8 << 20
+    tracemalloc.stop()
 
 
 @pytest.mark.parametrize("checksums", [True, False])
