@@ -259,6 +259,7 @@ TARGETS: Mapping[str, Target] = {
             lambda: [gzip.compress(tracker_log("libsurvive"), mtime=0), bomb(tracker_log("libsurvive"), 2_000)],
             _trackers("libsurvive"),
             (in_gzip,),
+            cost=3,
         ),
         Target("mcap", lambda: [written("mcap"), unchecked_mcap()], _read_trajectory("mcap"), (in_records,)),
         Target(

@@ -49,7 +49,7 @@ def test_seeds_are_good() -> None:
         (lambda: _raise(RetargetError("two\nlines")), "not one line"),
         (lambda: os.kill(os.getpid(), signal.SIGSEGV), "ended with -11"),
         (lambda: _loop(), "no answer"),
-        (lambda: np.ones(80 << 20).sum(), "of memory"),
+        (lambda: np.ones(8 << 20).sum(), "of memory"),
         (lambda: np.log(np.zeros(1)), "RuntimeWarning"),
     ],
 )
@@ -63,6 +63,7 @@ def test_the_runner_notices(fault: object, kind: str, monkeypatch: pytest.Monkey
     broken = Target("broken", lambda: [seed], read)
     monkeypatch.setattr(runner, "TARGETS", {"broken": broken})
     monkeypatch.setattr(runner, "HANG_S", 1.0)
+    monkeypatch.setattr(runner, "MEMORY_BYTES", 32 << 20)
     outcome = runner.run("broken", count=2)
     assert any(kind in finding.kind for finding in outcome.findings), outcome.findings
 
