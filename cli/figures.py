@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from retarget.core.segments import FOOT_CONTACTS
-from retarget.core.types import Array, BoolArray
+from retarget.core.types import Array, BoolArray, JointTrajectory
 
 if TYPE_CHECKING:
     from retarget.core.pipeline import ConvertResult
@@ -67,10 +67,14 @@ def png(figure: Figure, path: Path) -> None:
     Image.open(buffer).convert("RGB").quantize(64).save(path, optimize=True)
 
 
-@styled
 def joints(result: ConvertResult, model: RobotModel) -> Figure:
     """Every joint's angle over time, between its limits."""
-    trajectory = result.trajectory
+    return joint_angles(result.trajectory, model)
+
+
+@styled
+def joint_angles(trajectory: JointTrajectory, model: RobotModel) -> Figure:
+    """Every joint's angle over time, between its limits; the trajectory's joints are the model's, in its order."""
     columns = 5
     rows = math.ceil(len(model.joint_names) / columns)
     keep = thinned(trajectory.frames)
@@ -97,28 +101,36 @@ def joints(result: ConvertResult, model: RobotModel) -> Figure:
     return figure
 
 
-@styled
 def speeds(result: ConvertResult, model: RobotModel) -> Figure:
     """Each joint's speed as a fraction of its limit, joints down, time across."""
-    trajectory = result.trajectory
+    return joint_speeds(result.trajectory, model)
+
+
+def joint_speeds(trajectory: JointTrajectory, model: RobotModel) -> Figure:
+    """Each joint's speed as a fraction of its limit; the trajectory's joints are the model's, in its order."""
     ratio = np.abs(trajectory.velocity) / model.velocity_limit
-    pooled = _pooled_maximum(ratio, 600)
-    figure = Figure(figsize=(WIDTH_IN, 0.9 + 0.14 * len(model.joint_names)), layout="constrained")
+    return heat(trajectory.time, ratio, model.joint_names, "joint speed / its limit", 1.0)
+
+
+@styled
+def heat(time: Array, values: Array, names: Sequence[str], label: str, largest: float) -> Figure:
+    """Values (T, n) ≥ 0 as colours from 0 to `largest`, names down, time across; no peak is lost."""
+    figure = Figure(figsize=(WIDTH_IN, 0.9 + 0.14 * len(names)), layout="constrained")
     axes = figure.subplots()
-    end = trajectory.time[-1] if trajectory.frames > 1 else trajectory.time[0] + 1
+    end = time[-1] if len(time) > 1 else time[0] + 1
     image = axes.imshow(
-        pooled.T,
+        _pooled_maximum(values, 600).T,
         aspect="auto",
         cmap="magma_r",
         vmin=0,
-        vmax=1,
+        vmax=largest,
         interpolation="nearest",
-        extent=(float(trajectory.time[0]), float(end), len(model.joint_names) - 0.5, -0.5),
+        extent=(float(time[0]), float(end), len(names) - 0.5, -0.5),
     )
-    axes.set_yticks(range(len(model.joint_names)), model.joint_names, fontsize=6)
+    axes.set_yticks(range(len(names)), names, fontsize=6)
     axes.set_xlabel("time / s")
     bar = figure.colorbar(image, ax=axes, pad=0.01, fraction=0.03)
-    bar.set_label("joint speed / its limit")
+    bar.set_label(label)
     bar.outline.set_visible(False)
     return figure
 

@@ -22,6 +22,7 @@ COMMANDS = {
     "validate": "Replay trajectories in physics and give a verdict.",
     "calibrate": "Make an operator's calibration of recordings of three poses.",
     "compare": "Compare hand mappings by the experiments of Lim et al. 2022.",
+    "inspect": "Show a recording before it is converted: figures, gaps, contacts, what to watch for.",
     "info": "Say what is in a recording or a trajectory.",
     "robots": "List, show and check robots.",
     "demo": "Convert a sample walk to two robots and write a report.",

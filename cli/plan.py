@@ -110,6 +110,13 @@ def fill(template: str, values: Mapping[str, str]) -> str:
     return "".join(parts)
 
 
+def with_stem(template: str, stem: str, option: str) -> str:
+    """`template` with {stem} replaced. Raises `UsageError` for an input whose stem would change the folder; `option` names the template."""
+    if "{stem}" in template and (stem in ("", ".", "..") or "/" in stem or "\0" in stem):
+        raise UsageError(f"{option} {template}: {{stem}} would be '{stem}', which is no file name")
+    return template.replace("{stem}", stem)
+
+
 def output_format(template: str | None, wanted: str | None, known: Mapping[str, Format]) -> Format:
     """The format to write: `wanted`, else by the suffix of `template`, else MCAP. Raises `UsageError` when they contradict."""
     writable = {name: format_ for name, format_ in known.items() if format_.write_trajectory}

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from retarget.cli.figures import FAINT, WIDTH_IN, styled
 from retarget.core.types import Array
 
@@ -24,7 +25,6 @@ AZIMUTH, ELEVATION = np.radians(-55.0), np.radians(8.0)
 """Where the viewer stands: in front of someone who faces +X, to their right, a little above."""
 
 
-@styled
 def strip(results: Sequence[ConvertResult], instants: int = 6) -> Figure:
     """The person (grey) and beside them each result's robot, at evenly spaced instants; bones on the far side paler.
 
@@ -35,7 +35,14 @@ def strip(results: Sequence[ConvertResult], instants: int = 6) -> Figure:
     for number, result in enumerate(results):
         colours = ROBOT_COLOURS[number % len(ROBOT_COLOURS)]
         bodies.append((result.series["robot_points"], result.series["robot_bones"], colours))
-    time = results[0].trajectory.time
+    return bodies_strip(bodies, results[0].trajectory.time, instants)
+
+
+@styled
+def bodies_strip(
+    bodies: Sequence[tuple[Array, NDArray[Any], tuple[str, str]]], time: Array, instants: int = 6
+) -> Figure:
+    """Bodies side by side at evenly spaced instants of `time` (T,) s; each: points (T, P, 3) m, bones (B, 2), colours of near and far bones."""
     frames = np.linspace(0, len(time) - 1, min(instants, len(time))).round().astype(int)
     views = [[_view(points[frame]) for points, _, _ in bodies] for frame in frames]
     room = np.array([max(_half_width(row[i]) for row in views) for i in range(len(bodies))])

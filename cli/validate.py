@@ -180,8 +180,8 @@ def _plan(
         work.append(
             Job(
                 input=name,
-                video=(video or "").replace("{stem}", stem),
-                log=(log or "").replace("{stem}", stem),
+                video=plan.with_stem(video or "", stem, "--video"),
+                log=plan.with_stem(log or "", stem, "--log"),
                 page=page,
                 wants_section=bool(report),
                 overwrite=force,

@@ -27,6 +27,7 @@ POSES = ("still", "tpose", "forward")
 POSE_NAMES = {"still": "Still pose", "tpose": "T-pose", "forward": "Forward pose"}
 """Pose → what messages call it."""
 
+LARGEST_NUMBER = 1e300
 SCHEMA = "retarget.calibration/1"
 UNITS = "m, rad, s; quaternions wxyz; operator frame: X forward, Y left, Z up"
 
@@ -182,6 +183,10 @@ def from_json(text: str, name: str = "calibration") -> Calibration:
     except json.JSONDecodeError as error:
         place = f"line {error.lineno} column {error.colno}"
         raise FormatError(name, f"not JSON ({error.msg})", place=place, expected="a calibration") from None
+    except FormatError:
+        raise
+    except ValueError:
+        raise FormatError(name, "a number of thousands of digits", expected="a calibration") from None
     except RecursionError:
         raise FormatError(name, "nested too deeply", expected="a calibration") from None
     if not isinstance(record, dict) or record.get("schema") != SCHEMA:
@@ -259,7 +264,8 @@ def _table(name: str, place: str, record: Any, keys: Iterable[str]) -> None:
 
 def _numbers(name: str, place: str, values: Iterable[Any]) -> None:
     for value in values:
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        # JSON knows whole numbers of any size.
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST_NUMBER:
             raise FormatError(name, f"found {_shown(value)}", place=place, expected="a number")
 
 

@@ -9,6 +9,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LONGEST_MESSAGE = 1500
+"""Characters: names and cells of a broken file can be as long as the file; a message stays one that can be read."""
+
 
 class RetargetError(Exception):
     """Base of all errors that are shown to a person as one line, without traceback.
@@ -17,6 +20,13 @@ class RetargetError(Exception):
     """
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if len(text) <= LONGEST_MESSAGE:
+            return text
+        kept = LONGEST_MESSAGE // 2
+        return f"{text[:kept]} … {text[-kept:]}"
 
 
 class FormatError(RetargetError):

@@ -11,6 +11,9 @@ from retarget.core.segments import SEGMENTS
 
 Array = NDArray[np.float64]
 
+LARGEST_ARRAY_BYTES = 4 << 30
+"""No array of a recording or trajectory is larger: 6 hours of 23 orientations at 240 Hz. What asks for more is broken, or a bomb."""
+
 CHUNK_FRAMES = 8192
 """Frames checked together: what the checks need for themselves stays small beside what they check."""
 
@@ -164,4 +167,6 @@ def check_unit_quaternions(field: str, quaternion: Array) -> None:
 
 def _refuse_length(field: str, vectors: Array, where: tuple[int, ...], first_frame: int, expected: str) -> None:
     at = f" at {(where[0] + first_frame, *where[1:])}" if where else ""
-    raise InvalidDataError(f"{field}: found length {np.linalg.norm(vectors[where]):.7g}{at}, expected {expected}")
+    with np.errstate(over="ignore"):
+        length = float(np.linalg.norm(vectors[where]))
+    raise InvalidDataError(f"{field}: found length {length:.7g}{at}, expected {expected}")

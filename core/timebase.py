@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from retarget.core import rotations
 from retarget.core.errors import MotionError, UsageError
+from retarget.core.field_checks import LARGEST_ARRAY_BYTES
 from retarget.core.types import Array, HumanMotion
 
 CLOCK_SLACK_S = 5e-7
@@ -54,8 +55,9 @@ def resample(motion: HumanMotion, rate_hz: float, anchor_s: float | None = None)
         raise UsageError(f"rate {rate_hz:g} Hz; expected a positive number")
     t = motion.time
     steps = float(t[-1] - t[0]) * rate_hz
-    if steps >= 50_000_000:
-        raise UsageError(f"rate {rate_hz:g} Hz gives {steps:.3g} frames; expected at most 50 million")
+    most = LARGEST_ARRAY_BYTES // motion.orientation[0].nbytes
+    if steps >= most:
+        raise UsageError(f"rate {rate_hz:g} Hz gives {steps:.3g} frames; expected at most {most:,}")
     anchor = t[0] if anchor_s is None else anchor_s
     if not t[0] - CLOCK_SLACK_S <= anchor <= t[-1] + CLOCK_SLACK_S:
         raise UsageError(f"anchor {anchor:g} s; expected a time from {t[0]:g} s to {t[-1]:g} s")

@@ -28,6 +28,7 @@ __all__ = [
     "detect",
     "get",
     "names",
+    "read_any",
     "read_motion",
     "read_recording",
     "read_trackers",
@@ -105,6 +106,26 @@ def read_recording(
     raise UsageError(
         f"{shown}: {found.name} holds {_content(found)}, not a person's motion; expected one of {_readers('trackers')}, {_readers('motion')}"
     )
+
+
+def read_any(
+    source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
+) -> HumanMotion | TrackerRecording | JointTrajectory:
+    """Whatever `source` holds, as its format says: trackers before trajectories where formats share a suffix and neither knows the file.
+
+    Arguments and errors as those of `read_trackers`.
+    """
+    with opened(source, name, format, "read_trackers") as (stream, shown, found):
+        try:
+            if found.read_trackers is not None:
+                return found.read_trackers(stream, shown, options or TrackerOptions())
+            if found.read_trajectory is not None:
+                return found.read_trajectory(stream, shown, TrajectoryOptions())
+            if found.read_motion is not None:
+                return found.read_motion(stream, shown)
+        except InvalidDataError as error:
+            raise FormatError(shown, str(error)) from error
+    raise UsageError(f"{shown}: {found.name} can only be written")
 
 
 def describe(

@@ -10,6 +10,8 @@ from typing import BinaryIO, Protocol
 from retarget.core.errors import FormatError
 
 CHUNK_BYTES = 2 << 20
+LARGEST_TEXT_BYTES = 1 << 30
+"""Of a text that has to stand in memory as a whole: 6 hours of seven trackers at 90 Hz. A gzip stream of 1 MB can hold that much."""
 _GZIP_MAGIC = b"\x1f\x8b"
 _GZIP_FORMAT = 16 + zlib.MAX_WBITS
 
@@ -35,6 +37,26 @@ def read_chunks(stream: BinaryIO, name: str, digest: Digest) -> Iterator[bytes]:
         return iter(())
     blocks = chain([first], blocks)
     return _gunzip(blocks, name) if first.startswith(_GZIP_MAGIC) else blocks
+
+
+def read_whole(stream: BinaryIO, name: str, digest: Digest) -> bytes:
+    """All of it at once. Raises `FormatError` as `read_chunks`, and for more than `LARGEST_TEXT_BYTES`."""
+    chunks: list[bytes] = []
+    collect_chunks(stream, name, digest, chunks)
+    return b"".join(chunks)
+
+
+def collect_chunks(stream: BinaryIO, name: str, digest: Digest, chunks: list[bytes]) -> None:
+    """Appends the chunks to `chunks`, which hold what came before the fault when this raises `FormatError`, as `read_whole` does."""
+    size = 0
+    for chunk in read_chunks(stream, name, digest):
+        size += len(chunk)
+        if size > LARGEST_TEXT_BYTES:
+            chunks.clear()
+            raise FormatError(
+                name, f"a text of more than {LARGEST_TEXT_BYTES >> 20} MB", expected="a recording in several files"
+            )
+        chunks.append(chunk)
 
 
 def _hashed(stream: BinaryIO, digest: Digest) -> Iterator[bytes]:

@@ -17,13 +17,14 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from retarget.core.errors import FormatError
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, Schema
+    from mcap.records import Channel, Chunk, Schema
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _METADATA, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0C, 0x0F
 _LARGEST_RECORD = 4 << 30
+_LARGEST_CHUNK = 1 << 30
 _BLOCK = 16 << 20
 _UNCHUNKED_BATCH = 4096
 
@@ -162,20 +163,42 @@ def _records(stream: BinaryIO, name: str) -> Iterator[tuple[int, bytes]]:
 
 def _chunk_content(content: bytes, name: str) -> bytes:
     from mcap.records import Chunk
-    from mcap.stream_reader import get_chunk_data_stream
 
     chunk = Chunk.read(_data_stream(content))
     if chunk.compression not in ("", "lz4", "zstd"):
         raise FormatError(name, f"chunk compressed with '{chunk.compression}'", expected="lz4, zstd or none")
+    if chunk.uncompressed_size > _LARGEST_CHUNK:
+        raise FormatError(
+            name,
+            f"a chunk of {chunk.uncompressed_size >> 20} MB",
+            expected=f"at most {_LARGEST_CHUNK >> 20} MB (writers make chunks of 1 to 4 MB)",
+        )
     try:
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        data: bytes = stream.read(size)
-    # lz4 raises RuntimeError, zstandard its own ZstdError, a wrong checksum is a ValueError: all say that the chunk is damaged.
+        data = _decompressed(chunk)
+    # lz4 raises RuntimeError, zstandard its own ZstdError: both say that the chunk is damaged.
     except Exception as error:
         raise FormatError(name, f"damaged chunk: {error or type(error).__name__}") from error
-    if size != chunk.uncompressed_size:
-        raise FormatError(name, f"chunk of {size} bytes", expected=f"{chunk.uncompressed_size} as stated")
+    if len(data) != chunk.uncompressed_size:
+        raise FormatError(name, f"chunk of {len(data)} bytes", expected=f"{chunk.uncompressed_size} as stated")
+    if chunk.uncompressed_crc and (crc := zlib.crc32(data)) != chunk.uncompressed_crc:
+        problem = f"damaged chunk: crc validation failed, it is {crc:#010x}"
+        raise FormatError(name, problem, expected=f"{chunk.uncompressed_crc:#010x} as stated")
     return data
+
+
+def _decompressed(chunk: Chunk) -> bytes:
+    """The chunk's content, of which at most one byte more than stated is ever made: a few bytes may stand for gigabytes."""
+    most = chunk.uncompressed_size + 1
+    if chunk.compression == "zstd":
+        import zstandard
+
+        with zstandard.ZstdDecompressor().stream_reader(io.BytesIO(chunk.data)) as stream:
+            return bytes(stream.read(most))
+    if chunk.compression == "lz4":
+        import lz4.frame  # type: ignore[import-untyped]  # has none
+
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most))
+    return chunk.data
 
 
 def _split(data: memoryview, channels: _Channels, batches: dict[int, Batch]) -> dict[int, Batch]:

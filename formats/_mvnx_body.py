@@ -94,7 +94,9 @@ def reference_orientation(
         warnings.append(f"version {major} is newer than any known: read as version 4")
     kind = "npose" if major == 3 else "identity"
     reference = references.get(kind)
-    if reference is not None and (np.abs(np.linalg.norm(reference, axis=1) - 1) <= UNIT_TOLERANCE).all():
+    with np.errstate(over="ignore"):
+        usable = reference is not None and (np.abs(np.linalg.norm(reference, axis=1) - 1) <= UNIT_TOLERANCE).all()
+    if reference is not None and usable:
         return rotations.normalize(reference), kind
     state = "no" if reference is None else "unusable"
     warnings.append(f"{state} '{kind}' frame: segment frames are taken to be those of version {min(major, 4)}")

@@ -103,7 +103,7 @@ def read_columns(source: Path | Mapping[str, Any]) -> ColumnsFile:
         raise UsageError(f"{source}: columns file can't be read: {reason.lower()}") from None
     try:
         return _checked(str(source), tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, and numbers of thousands of digits
         raise UsageError(f"{source}: no valid TOML: {error}") from None
 
 

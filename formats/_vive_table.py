@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from retarget.core.errors import FormatError
 from retarget.core.types import Array, BoolArray
-from retarget.formats._byte_chunks import read_chunks
+from retarget.formats._byte_chunks import read_whole
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 COMMENTS = ("#", "%", "//")
@@ -62,6 +62,8 @@ _NO = [
     "none",
     "null",
 ]
+LONGEST_CELL = 100
+"""Characters; numbers have up to 25, names of devices some 40."""
 _OPENVR_RUNNING_OK = 200.0  # ETrackingResult; all its codes but 1 (uninitialised) are 100 or more
 _OPENVR_CODES = 100.0
 
@@ -69,7 +71,7 @@ _OPENVR_CODES = 100.0
 def read_lines(stream: BinaryIO, name: str) -> tuple[list[str], str]:
     """All lines of a text file, without their ends, and the hash of its bytes; raises `FormatError` for what is no text."""
     digest = hashlib.sha256()
-    data = b"".join(read_chunks(stream, name, digest))
+    data = read_whole(stream, name, digest)
     encoding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
     try:
         text = data.decode(encoding)
@@ -122,10 +124,9 @@ class Table:
             return np.asarray(self._load(columns, np.float64), float)
         except ValueError:  # empty cells, or words: seldom, so a slower way is good enough
             pass
-        words = self.words(columns)
-        out = np.empty(words.shape)
+        out = np.empty((len(self.lines), len(columns)))
         for place, column in enumerate(columns):
-            texts = words[:, place]
+            texts = self.words([column])[:, 0]
             texts = np.where(np.isin(np.char.lower(texts), _NOTHING), "nan", texts)
             try:
                 out[:, place] = texts.astype(np.float64)
@@ -139,7 +140,16 @@ class Table:
         return out
 
     def words(self, columns: Sequence[int]) -> NDArray[np.str_]:
-        """Texts (N, k) of those columns, without blanks around them."""
+        """Texts (N, k) of those columns, without blanks around them. Raises `FormatError` for a row with a cell over `LONGEST_CELL`."""
+        # NumPy keeps as many characters for every cell as the longest of them has.
+        for number, line in zip(self.numbers, self.lines, strict=True):
+            if len(line) > LONGEST_CELL and (longest := max(map(len, line.split(self.delimiter)))) > LONGEST_CELL:
+                raise FormatError(
+                    self.name,
+                    f"a cell of {longest} characters",
+                    place=f"line {number}",
+                    expected=f"at most {LONGEST_CELL}",
+                )
         try:
             return np.char.strip(np.asarray(self._load(columns, np.str_), np.str_))
         except ValueError as error:

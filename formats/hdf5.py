@@ -10,6 +10,8 @@
 | `/status` | (T,) int8 | 0 = solved, 1 = marked |
 
 Attributes of the root: `schema`, `joint_names`, `quat_order`, `robot`, `base_frame`, `source` (provenance as JSON), `robot_description`.
+Files of other programs are read, too: of the older format without checksums, with texts of variable length, as h5py writes them by default.
+Damage in these can make the HDF5 library hang or crash, so they are first rewritten in a process of its own that may fail.
 Every array carries its unit in attribute `unit`. Everything comes back bit for bit. HDF5 needs a file that can seek: no pipes.
 """
 
@@ -21,13 +23,16 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core.errors import FormatError
+from retarget.core.field_checks import LARGEST_ARRAY_BYTES
 from retarget.core.types import JointTrajectory
-from retarget.formats import _trajectory
+from retarget.formats import _hdf5_rewrite, _trajectory
 from retarget.formats.base import Format, TrajectoryOptions
 
 if TYPE_CHECKING:
     import h5py
 
+_SUPERBLOCK = 9
+"""Bytes up to and with the version of the superblock."""
 MAGIC = b"\x89HDF\r\n\x1a\n"
 _BASE = {
     "base_position": ("base/position", "m"),
@@ -85,8 +90,16 @@ def read_trajectory(stream: BinaryIO, name: str, _options: TrajectoryOptions | N
     """
     import h5py
 
+    head = stream.read(_SUPERBLOCK)
+    stream.seek(-len(head), io.SEEK_CUR)
     try:
-        file = h5py.File(stream, "r")
+        file = h5py.File(_hdf5_rewrite.rewritten(stream, name) if _is_old(head) else stream, "r")
+        if not _is_old(head) and _has_loose_texts(file):
+            file.close()
+            stream.seek(0)
+            file = h5py.File(_hdf5_rewrite.rewritten(stream, name), "r")
+    except FormatError:
+        raise
     # The library reports damage as OSError, RuntimeError, ValueError, KeyError … depending on where it stumbles.
     except Exception as error:
         raise FormatError(name, f"not a readable HDF5 file: {_one_line(error)}") from error
@@ -116,6 +129,19 @@ def read_trajectory(stream: BinaryIO, name: str, _options: TrajectoryOptions | N
             provenance=_trajectory.parse_provenance(name, reader.text("source", "")),
             robot_description=reader.text("robot_description", ""),
         )
+
+
+def _is_old(head: bytes) -> bool:
+    """Whether a file that starts with `head` has metadata without checksums: a superblock before version 2."""
+    return len(head) == _SUPERBLOCK and head[-1] < 2
+
+
+def _has_loose_texts(file: h5py.File) -> bool:
+    """Whether some text of the root has variable length: these lie in a heap without checksums."""
+    from h5py import h5a, h5t
+
+    kinds = [h5a.open(file.id, index=index).get_type() for index in range(h5a.get_num_attrs(file.id))]
+    return any(kind.get_class() == h5t.STRING and kind.is_variable_str() for kind in kinds)
 
 
 class _Reader:
@@ -161,9 +187,15 @@ class _Reader:
                 return None
             dataset = self.file[path]
             numeric = isinstance(dataset, h5py.Dataset) and dataset.dtype.kind in "fiu"
-            values = dataset[()] if numeric and dataset.ndim == dimensions else None
+            fits = numeric and dataset.ndim == dimensions
+            # A dataset without a byte behind it may claim any shape.
+            size = dataset.size * dataset.dtype.itemsize if fits else 0
+            values = dataset[()] if fits and size <= LARGEST_ARRAY_BYTES else None
         except Exception as error:
             raise FormatError(self.name, f"can't be read: {_one_line(error)}", place=f"/{path}") from error
+        if size > LARGEST_ARRAY_BYTES:
+            expected = f"at most {LARGEST_ARRAY_BYTES >> 20} MB"
+            raise FormatError(self.name, f"an array of {size >> 20} MB", place=f"/{path}", expected=expected)
         if values is None:
             expected = f"an array of numbers with {dimensions} dimensions"
             raise FormatError(self.name, f"found {_one_line(dataset)}", place=f"/{path}", expected=expected)

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from retarget.core.errors import FormatError, UsageError
 from retarget.core.types import TrackerRecording
-from retarget.formats._byte_chunks import read_chunks
+from retarget.formats._byte_chunks import collect_chunks
 from retarget.formats._tracker_faults import Samples, since_first
 from retarget.formats._tracker_recording import Log, build
 from retarget.formats._vive_table import Table
@@ -43,15 +43,14 @@ def _read(stream: BinaryIO, name: str, options: TrackerOptions) -> Log:
         )
     warnings: list[str] = []
     digest = hashlib.sha256()
-    data = bytearray()
+    chunks: list[bytes] = []
     try:
-        for chunk in read_chunks(stream, name, digest):
-            data += chunk
+        collect_chunks(stream, name, digest, chunks)
     except FormatError as error:
-        if not data:
+        if not chunks:
             raise
         warnings.append(f"{error.problem}: read up to there")
-    table = _table(bytes(data), name, warnings)
+    table = _table(b"".join(chunks), name, warnings)
     names, values = table.words([1])[:, 0], table.values([0, *range(3, _CELLS)])
     time = since_first(values[:, 0])
     devices, first = np.unique(names, return_index=True)

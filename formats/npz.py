@@ -26,13 +26,15 @@ An archive needs to seek: no pipes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import zipfile
+from collections.abc import Iterable, Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core import rotations
 from retarget.core.errors import FormatError, nearest
+from retarget.core.field_checks import LARGEST_ARRAY_BYTES
 from retarget.core.types import Array, JointTrajectory
 from retarget.formats import _headerless, _trajectory
 from retarget.formats.base import Format, TrajectoryOptions
@@ -172,11 +174,24 @@ def _joint_names(
 def _load(stream: BinaryIO, name: str) -> dict[str, NDArray[Any]]:
     try:
         with np.load(stream, allow_pickle=False) as archive:
-            return {key: archive[key] for key in archive.files if key not in NOT_NEEDED}
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise ValueError("a single array")
+            _check_size(archive.zip.infolist())
+            arrays = {key: archive[key] for key in archive.files if key not in NOT_NEEDED}
+            if other := [key for key, value in arrays.items() if not isinstance(value, np.ndarray)]:
+                raise ValueError(f"member '{other[0]}' is no array")
+            return arrays
     # Damage surfaces as whatever zipfile, zlib or NumPy's header parser trips over: a dozen unrelated classes.
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise FormatError(name, f"not a readable NPZ archive: {reason}") from error
+
+
+def _check_size(members: Iterable[zipfile.ZipInfo]) -> None:
+    """An archive of kilobytes can hold terabytes of zeros, and the header of an array can claim more than follows."""
+    size = sum(member.file_size for member in members)
+    if size > LARGEST_ARRAY_BYTES:
+        raise ValueError(f"its arrays take {size >> 20} MB; expected at most {LARGEST_ARRAY_BYTES >> 20} MB")
 
 
 def _array(name: str, arrays: Arrays, key: str, dimensions: int, *, kinds: str = "fiu") -> NDArray[Any]:
@@ -199,11 +214,11 @@ def _text(name: str, arrays: Arrays, key: str, default: str) -> str:
 def _texts(name: str, key: str, values: NDArray[Any]) -> tuple[str, ...]:
     """NumPy texts as Python ones; bytes are taken as UTF-8."""
     try:
-        # Code points above Unicode's last make tolist itself raise ValueError, of which UnicodeError is a child.
+        # Code points above Unicode's last make tolist itself raise ValueError (of which UnicodeError is a child) or SystemError.
         return tuple(
             value.decode() if isinstance(value, bytes) else value.encode().decode() for value in values.tolist()
         )
-    except ValueError as error:
+    except (ValueError, SystemError) as error:
         raise FormatError(name, "not Unicode text", place=key) from error
 
 

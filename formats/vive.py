@@ -163,7 +163,7 @@ def _fits(header: _Header, below: list[str]) -> bool:
 
 
 def _by_columns(lines: list[str], name: str, columns: ColumnsFile, warnings: list[str]) -> tuple[Table, Layout]:
-    first = columns.skip_lines
+    first = min(columns.skip_lines, len(lines))
     if not columns.header:
         delimiter = columns.delimiter or _likely_delimiter(lines[first:])
         table = make_table(name, lines, first, delimiter, (), warnings)

@@ -56,10 +56,10 @@ def _read_merged(path: Path, *, depth: int) -> dict[str, Any]:
     """The file's tables, laid over those of the profile that it `extends`."""
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except tomllib.TOMLDecodeError as error:
-        raise ProfileError(path, f"not TOML: {error}") from None
     except UnicodeDecodeError:
         raise ProfileError(path, "not UTF-8 text", expected="a TOML file") from None
+    except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, and numbers of thousands of digits
+        raise ProfileError(path, f"not TOML: {error}") from None
     except OSError as error:
         raise ProfileError(path, f"can't be read: {error.strerror}") from None
     parent = table.pop("extends", None)

@@ -59,6 +59,8 @@ class MeshPaths:
         if self.folder is None or not name or name in (".", ".."):
             return None
         for around in (self.folder, *self.folder.parents):
+            if around.parent == around:
+                break  # the file system's own folders are nobody's packages
             if around.name == name:
                 return around
             if (around / name).is_dir():

@@ -17,7 +17,6 @@ The rows of `TABLE` are the documentation: name, unit, default, and why.
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -30,6 +29,8 @@ from retarget.core.types import Check
 
 NONE = "none"
 """What stands for "no limit" in files and on the command line."""
+LARGEST_LIMIT = 1e300
+"""TOML knows whole numbers of any size, infinity and nan."""
 ROUNDING = 1e-9
 """A value this much above its limit, relative to it, is the same number, differently rounded."""
 
@@ -170,7 +171,11 @@ def _unknown(name: str, rows: Mapping[str, Threshold], where: str) -> UsageError
 def _read(path: Path, mode: str) -> dict[str, float | None]:
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (
+        OSError,
+        ValueError,
+        RecursionError,
+    ) as error:  # ValueError: no TOML, no UTF-8, numbers of thousands of digits
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise ProfileError(path, f"no readable thresholds: {reason}") from None
     everywhere: dict[str, float | None] = {}
@@ -210,5 +215,5 @@ def _parsed(value: Any, name: str, where: str = "") -> float | None:
 def _checked(limit: Any, name: str, where: str = "") -> None:
     if limit is None:
         return
-    if isinstance(limit, bool) or not isinstance(limit, int | float) or not math.isfinite(limit) or limit < 0:
+    if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 <= limit <= LARGEST_LIMIT:
         raise UsageError(f'{where}{name}: found {limit!r}, expected a number ≥ 0 or "{NONE}"')

@@ -52,6 +52,7 @@ def test_absolute_names_inside_the_model_are_found(paths: MeshPaths, tmp_path: P
     [
         ("package://my_robot/meshes/none.stl", MISSING),
         ("package://nobody/meshes/a.stl", MISSING),
+        ("package://etc/passwd", MISSING),
         ("package://", MISSING),
         ("package://../secret.stl", MISSING),
         ("", MISSING),
