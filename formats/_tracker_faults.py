@@ -94,8 +94,8 @@ def usual_step(time: Array) -> float:
     return float(steps[np.abs(steps - median) <= 0.5 * median].mean())
 
 
-def clean(samples: Samples, name: str) -> Cleaned:
-    """Look through the rows of one tracker of file `name`.
+def clean(samples: Samples, name: str, *, bridge: bool = True) -> Cleaned:
+    """Look through the rows of one tracker of file `name`. bridge: whether repeated rows are interpolated, as those of a log that holds them.
 
     Raises `FormatError` where time is not finite or goes backward, and for a tracker whose position or orientation was never measured.
     """
@@ -125,7 +125,7 @@ def clean(samples: Samples, name: str) -> Cleaned:
     same[1:] &= position_ok[1:] & position_ok[:-1]
     jumps = _jump_times(time, position, position_ok & ~same)
     orientation = rotations.normalize(orientation)
-    frozen = _bridge(time, position, orientation, same, position_ok, orientation_ok)
+    frozen = _bridge(time, position, orientation, same, position_ok, orientation_ok) if bridge else ()
     return Cleaned(
         tracker=samples.tracker,
         role=samples.role,
