@@ -113,12 +113,12 @@ def _recording(
     try:
         if found.read_recording is not None:
             return found.read_recording(stream, name, options)
+        _refuse_ros_options(name, found, options)
         if reader is None:
             return None
-        _refuse_ros_options(name, found, options)
-        result: HumanMotion | TrackerRecording = (
-            reader(stream, name) if reader is found.read_motion else reader(stream, name, options)
-        )
+        # Motions need no options.
+        arguments: tuple[Any, ...] = (stream, name) if reader is found.read_motion else (stream, name, options)
+        result: HumanMotion | TrackerRecording = reader(*arguments)
         return result
     except InvalidDataError as error:
         raise FormatError(name, str(error)) from error

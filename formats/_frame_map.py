@@ -29,6 +29,7 @@ Base stations (`LHB…`, `lighthouse…`) are on nobody.
 
 from __future__ import annotations
 
+import difflib
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -37,12 +38,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from retarget.core.errors import UnknownNameError, UsageError, nearest
+from retarget.core.errors import UnknownNameError, UsageError
 from retarget.core.segments import SEGMENTS
 from retarget.formats._tracker_roles import segment_of
 
 FEWEST_SEGMENTS = 5
 """So many segments under one prefix are a suit; fewer may be trackers named by where they sit."""
+_ALIKE = 0.75
 _TOP = ("root", "prefix", "segments", "rotations", "trackers", "poses")
 _WORLDS = ("libsurvive_frame", "libsurvive_world", "libsurvive", "vive_world", "world_vive")
 _DEVICE = re.compile(r"(?i)^(?:(?:tracker|controller)[_-]\w|hmd(?:[_-]|$)|LHR[_-])")
@@ -209,7 +211,7 @@ def suggestion(frames: Iterable[str]) -> list[str]:
         last = frame.rpartition("/")[2]
         segment = segment_of(last)
         if segment is None:
-            near = nearest(last, SUIT_NAMES, 1)
+            near = difflib.get_close_matches(last.lower(), SUIT_NAMES, 1, _ALIKE)
             segment = SUIT_NAMES[near[0]] if near else None
         if segment is not None:
             taken.setdefault(segment, frame)

@@ -183,7 +183,7 @@ class RosRecording:
         choice = self._choice()
         log, start = self._log(choice)
         log = replace(log, sha256=sha256)
-        placed = _composed(choice, place(log, bridge=not choice.suit))
+        placed = _composed(choice, place(log, suit=choice.suit))
         recording: HumanMotion | TrackerRecording
         if choice.suit:
             recording, facts = motion_of(log, placed, self.map)
@@ -248,7 +248,7 @@ class RosRecording:
                 edges = tree
                 wanted = _frame_map.tracker_frames({c: e.parent for c, e in tree.items()}, self.options.roles)
         if not wanted:
-            self._nothing_known(sorted({*tree, *links}))
+            self._nothing_known(sorted({*tree, *links, *(edge.parent for edge in tree.values())}))
         if self._undefined is not None:
             warnings.append(f"{self._undefined.place} not used: {self._undefined.problem}")
         chains = {item: _ros_frames.chain(edges, frame, self.map.root, self.name) for item, frame in wanted.items()}

@@ -123,18 +123,17 @@ def _path_of(stream: BinaryIO, name: str) -> Iterator[Path]:
 def _opened(path: Path, name: str, stack: ExitStack) -> tuple[Any, bool]:
     """The open rosbags reader of `path`, closed by `stack`, and whether it is of ROS 1."""
     with _one_line(name):
-        if path.is_dir():
-            from rosbags.rosbag2.reader import DirectoryReader as Reader
+        reader: Any
+        from rosbags.rosbag1.reader import Reader
+        from rosbags.rosbag2.reader import DirectoryReader
+        from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-            ros1 = False
+        if path.is_dir():
+            ros1, reader = False, DirectoryReader(path)
         else:
             with path.open("rb") as content:
                 ros1 = content.read(len(BAG_MAGIC)) == BAG_MAGIC
-            if ros1:
-                from rosbags.rosbag1 import Reader
-            else:
-                from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader as Reader
-        reader = Reader(path)
+            reader = Reader(path) if ros1 else Sqlite3Reader(path)
         reader.open()
         stack.callback(reader.close)
     return reader, ros1

@@ -89,15 +89,15 @@ def build(log: Log) -> tuple[TrackerRecording, dict[str, Any]]:
     return assemble(log, place(log))
 
 
-def place(log: Log, *, bridge: bool = True) -> Placed:
-    """All trackers on one time base, gaps filled and marked. bridge: as of `clean`. Raises `FormatError` as `build` does."""
-    cleaned = [clean(samples, log.name, bridge=bridge) for samples in log.trackers]
+def place(log: Log, *, suit: bool = False) -> Placed:
+    """All trackers on one time base, gaps filled and marked. suit: as of `clean`. Raises `FormatError` as `build` does."""
+    cleaned = [clean(samples, log.name, suit=suit) for samples in log.trackers]
     warnings: list[str] = []
     time = _time_base(cleaned, log.name, warnings)
     filled = [_fill(time, one) for one in cleaned]
     for one, here in zip(cleaned, filled, strict=True):
         warnings.extend(_fault_lines(one, here))
-    if bridge:
+    if not suit:
         warnings.extend(_repeat_lines(cleaned))
     return Placed(
         time=time,

@@ -23,8 +23,8 @@ As a recording of a person, from a file or a pipe, MCAP gives what `rosbag` says
 
 from __future__ import annotations
 
-import json
 import hashlib
+import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, BinaryIO, cast
