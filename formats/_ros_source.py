@@ -38,7 +38,7 @@ def is_folder(path: Path) -> bool:
     try:
         with (path / "metadata.yaml").open("rb") as stream:
             return stream.read(len(FOLDER_MAGIC)) == FOLDER_MAGIC
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a NUL in the path
         return False
 
 
