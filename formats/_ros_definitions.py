@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from retarget.core.errors import FormatError, UsageError, nearest
+from retarget.core.errors import FormatError, RetargetError, UsageError, nearest
 from retarget.formats._ros_wire import Pose
 
 _LARGEST_DEFINITION = 1 << 20
@@ -53,14 +53,18 @@ class Definition:
                         types |= get_types_from_msg(content, f"{owner}/msg/{path.stem}")
             self._store.register({name: fields for name, fields in types.items() if name not in self._store.fielddefs})
             known = self.full_name in self._store.fielddefs
-        except FormatError:
+            if known:
+                self._store.get_msgdef(self.full_name)  # finds types that nobody defines
+        except RetargetError:
             raise
         # rosbags' parser reports what it can't read by several errors of its own and by whatever it trips over.
         except Exception as error:
+            if isinstance(error, KeyError):
+                error = KeyError(f"it refers to {error.args[0]}, which is not defined")
             what = "the recording's definition" if text else "--msg-def"
-            first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+            lines = str(error.args[0] if error.args else "").strip().splitlines() or [type(error).__name__]
             raise FormatError(
-                file, f"{what} of {message_type} can't be read: {first}", place=f"topic {topic}"
+                file, f"{what} of {message_type} can't be read: {lines[0]}", place=f"topic {topic}"
             ) from error
         if not known:
             have = sorted({path.stem for path in _definition_files(msg_defs)})

@@ -55,10 +55,14 @@ def read(stream: BinaryIO, name: str, wanted: Callable[[str], bool]) -> Iterator
     """
     with _path_of(stream, name) as path, ExitStack() as stack:
         reader, ros1 = _opened(path, name, stack)
-        connections = [c for c in reader.connections if wanted(short_type(c.msgtype))]
-        for connection in reader.connections:
-            if connection not in connections:
-                yield Unread(connection.topic, short_type(connection.msgtype), connection.msgcount)
+        with _one_line(name):
+            connections = [c for c in reader.connections if wanted(short_type(c.msgtype))]
+            others = [
+                Unread(c.topic, short_type(c.msgtype), int(c.msgcount))
+                for c in reader.connections
+                if c not in connections
+            ]
+        yield from others
         if not connections:
             return
         batches: dict[int, Batch] = {}
@@ -69,6 +73,9 @@ def read(stream: BinaryIO, name: str, wanted: Callable[[str], bool]) -> Iterator
             if item is None:
                 break
             connection, log_time, data = item
+            # SQLite keeps any type in any column.
+            if not isinstance(data, bytes | memoryview) or not isinstance(log_time, int):
+                raise FormatError(name, f"a message of {type(data).__name__} at {log_time!r}", expected="bytes and ns")
             batch = batches.get(connection.id)
             if batch is None:
                 batch = batches[connection.id] = _batch(connection, ros1=ros1)
