@@ -208,10 +208,11 @@ def suggestion(frames: Iterable[str]) -> list[str]:
     """Lines `Segment = "frame"` of a map, for frames whose names are near to a segment's or a role's."""
     taken: dict[str, str] = {}
     for frame in frames:
-        last = frame.rpartition("/")[2]
-        segment = segment_of(last)
+        last = frame.rpartition("/")[2].lower()
+        ending = (segment for spelling, segment in SUIT_NAMES.items() if re.search(rf"(?:^|[_.:-]){spelling}$", last))
+        segment = segment_of(last) or next(ending, None)
         if segment is None:
-            near = difflib.get_close_matches(last.lower(), SUIT_NAMES, 1, _ALIKE)
+            near = difflib.get_close_matches(last, SUIT_NAMES, 1, _ALIKE)
             segment = SUIT_NAMES[near[0]] if near else None
         if segment is not None:
             taken.setdefault(segment, frame)

@@ -189,15 +189,17 @@ class RosRecording:
             recording, facts = motion_of(log, placed, self.map)
         else:
             recording, facts = assemble(log, placed)
-        return recording, {**facts, "start_stamp_ns": start, "clock": choice.clock, **self.facts()}
+        return recording, {**facts, "start_stamp_ns": start, "clock": choice.clock, **self.facts(choice)}
 
-    def facts(self) -> dict[str, Any]:
-        """Topics, frames and, where a name comes near one, lines for a map; JSON-able."""
+    def facts(self, choice: _Choice | None = None) -> dict[str, Any]:
+        """Topics, frames and lines for a map: those that `choice` comes to, else those whose names come near; JSON-able."""
+        chosen = choice.chains.items() if choice else ()
+        used = [f'{item} = "{edges[-1].child}"' for item, edges in chosen if edges]
         edges = {**self.frames.chosen(LINKS), **self.frames.chosen()}
         return {
             "topics": [_topic_line(name, topic) for name, topic in sorted(self.topics.items())],
             "frames_found": [_edge_line(edge) for _, edge in sorted(edges.items())],
-            "suggested_map": _frame_map.suggestion(sorted(edges)),
+            "suggested_map": used or _frame_map.suggestion(sorted(edges)),
         }
 
     def describe(self, sha256: str = "") -> dict[str, Any]:
