@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from retarget.core import rotations
 from retarget.core.errors import FormatError
 from retarget.core.types import Array
-from retarget.formats._ros_wire import Pose
+from retarget.formats._ros_wire import Pose, Samples
 
 Clock = Literal["header", "log"]
 LINKS, TREE, POSES = 0, 1, 2
 """What a frame comes from: `LinkStateArray`, tf, or a topic of single poses; the earlier goes first."""
 _DEEPEST = 128
+_LEAST, _LARGEST = -(2**63), 2**63 - 1
 
 
 @dataclass
@@ -58,23 +59,46 @@ class Frames:
         self.file = file
         self.edges: dict[tuple[str, str, str], Edge] = {}
 
-    def add(self, topic: str, kind: int, poses: Iterable[Pose], log_time: int, names: Sequence[str] = ()) -> None:
-        """Append what one message holds. names: of poses in a list; those beyond it are left out."""
-        static = kind == TREE and topic.rstrip("/").endswith("tf_static")
-        for pose in poses:
-            child = pose.child
-            if child.startswith("#"):
-                if int(child[1:]) >= len(names):
-                    continue
-                child = names[int(child[1:])]
-            child, parent = (child or topic_frame(topic)).lstrip("/"), pose.parent.lstrip("/")
-            key = (topic, parent, child)
-            edge = self.edges.get(key)
+    def add_all(
+        self, topic: str, kind: int, batch: Iterable[Samples], log_times: Sequence[int], names: Sequence[str] = ()
+    ) -> None:
+        """Append what many messages hold, in their order. names: of poses in a list; those beyond it are left out."""
+        found: dict[tuple[str, str], list[Samples]] = {}
+        for one in batch:
+            found.setdefault((one.parent, one.child), []).append(one)
+        recorded = np.clip(np.array(log_times, object), _LEAST, _LARGEST).astype(np.int64)
+        for (parent, child), parts in found.items():
+            edge = self._edge(topic, kind, parent, child, names)
             if edge is None:
-                edge = self.edges[key] = Edge(parent, child, topic, kind, static)
+                continue
+            index = np.concatenate([part.message for part in parts])
+            order = np.argsort(index, kind="stable")
+            edge.stamps.frombytes(np.concatenate([part.stamps for part in parts])[order].tobytes())
+            edge.log_times.frombytes(recorded[index[order]].tobytes())
+            edge.values.frombytes(np.concatenate([part.values for part in parts])[order].tobytes())
+
+    def add(self, topic: str, kind: int, poses: Iterable[Pose], log_time: int, names: Sequence[str] = ()) -> None:
+        """Append what one message holds; as `add_all`."""
+        for pose in poses:
+            edge = self._edge(topic, kind, pose.parent, pose.child, names)
+            if edge is None:
+                continue
             edge.stamps.append(_int64(pose.stamp))
             edge.log_times.append(_int64(log_time))
             edge.values.extend(pose.values)
+
+    def _edge(self, topic: str, kind: int, parent: str, child: str, names: Sequence[str]) -> Edge | None:
+        """The edge of a pose as a message names it; None for one in a list that has no name."""
+        if child.startswith("#"):
+            if int(child[1:]) >= len(names):
+                return None
+            child = names[int(child[1:])]
+        child, parent = (child or topic_frame(topic)).lstrip("/"), parent.lstrip("/")
+        key = (topic, parent, child)
+        if key not in self.edges:
+            static = kind == TREE and topic.rstrip("/").endswith("tf_static")
+            self.edges[key] = Edge(parent, child, topic, kind, static)
+        return self.edges[key]
 
     def chosen(self, kind: int | None = None) -> dict[str, Edge]:
         """Child frame → the edge it is taken from; of one kind only where `kind` is given."""
@@ -89,7 +113,7 @@ class Frames:
 
 
 def _int64(value: int) -> int:
-    return min(max(value, -(2**63)), 2**63 - 1)
+    return min(max(value, _LEAST), _LARGEST)
 
 
 def _rank(edge: Edge) -> tuple[bool, int, int]:

@@ -24,7 +24,7 @@ from retarget.formats._ros_definitions import Definition
 from retarget.formats._ros_frames import LINKS, POSES, TREE, Clock, Edge, Frames
 from retarget.formats._ros_motion import motion_of
 from retarget.formats._ros_source import Unread, short_type
-from retarget.formats._ros_wire import READERS, Cursor, Pose
+from retarget.formats._ros_wire import READERS, BadMessage, Cursor, Pose, read_all
 from retarget.formats._tracker_faults import LONGEST_HOLD_S, Samples
 from retarget.formats._tracker_recording import Log, Placed, assemble, place
 from retarget.formats.base import TrackerOptions
@@ -33,7 +33,8 @@ JOINT_STATE = "sensor_msgs/JointState"
 _TREES = ("tf2_msgs/TFMessage", "tf/tfMessage")
 _HELD_SHARE = 0.2
 _ENCODINGS = ("cdr", "ros1", "json", "protobuf")
-Decoder = Callable[[memoryview], Iterable[Pose]]
+Decoder = Callable[[memoryview], Iterable[Pose]] | str
+"""What makes poses of one message, or the key of `READERS` by which many are read at once."""
 
 
 @dataclass
@@ -116,6 +117,14 @@ class RosRecording:
             LINKS if _is_links(kind) else TREE if kind in _TREES or _foxglove_kind(kind) == "FrameTransforms" else POSES
         )
         names = self.map.poses.get("/" + item.topic.lstrip("/"), ())
+        if not callable(decode):
+            try:
+                batch = read_all(item.payloads, READERS[decode], ros1=item.encoding == "ros1")
+                self.frames.add_all(item.topic, source, batch, item.log_times, names)
+            except BadMessage as error:
+                place = f"topic {item.topic}, message {first + error.index}"
+                raise FormatError(self.name, f"not a {kind}: {error}", place=place) from error
+            return
         for index, (payload, log_time) in enumerate(zip(item.payloads, item.log_times, strict=True), first):
             try:
                 self.frames.add(item.topic, source, decode(payload), log_time, names)
@@ -150,8 +159,7 @@ class RosRecording:
             kind = f"foxglove_msgs/{foxglove}"
         if _is_links(kind):
             return self._links(batch, kind, ros1=ros1)
-        reader = READERS[kind]
-        return lambda payload: reader(Cursor(payload, ros1=ros1))
+        return kind
 
     def _links(self, batch: Batch, kind: str, *, ros1: bool) -> Decoder | None:
         try:
