@@ -241,16 +241,26 @@ def read_recording(stream: BinaryIO, name: str, options: TrackerOptions) -> Huma
 
 def describe(stream: BinaryIO, name: str, options: TrackerOptions) -> Mapping[str, Any]:
     """Facts for `retarget info`: of a robot's trajectory, else of topics, frames, and what they are of a person."""
+    # What a robot's trajectory is made of is parsed only where it is one; a pipe can't be read again, so there both are.
+    start = stream.tell() if stream.seekable() else None
     robot, recording = Recording(name), RosRecording(name, FORMAT.name, options)
+    own = False
     for item in _mcap_reader.read(stream, name):
-        if isinstance(item, _mcap_reader.Batch) and not robot.meta:
+        own = own or (isinstance(item, _mcap_reader.Metadata) and item.name == METADATA)
+        if own and start is not None:
+            break
+        if isinstance(item, _mcap_reader.Batch) and not own:
             recording.add(item)
-        robot.add(item)
+        if start is None:
+            robot.add(item)
+    if not own and not recording.is_robot():
+        return recording.describe()
+    if start is not None:
+        stream.seek(start)
+        return trajectory_facts(FORMAT.name, read_trajectory(stream, name))
     if rest := _mcap_reader.count_rest(stream):
         robot.warnings.append(f"{rest} bytes after the end of the MCAP document were not read")
-    if robot.meta or recording.is_robot():
-        return trajectory_facts(FORMAT.name, robot.trajectory())
-    return recording.describe()
+    return trajectory_facts(FORMAT.name, robot.trajectory())
 
 
 def _is_own_output(head: bytes) -> bool:
