@@ -15,23 +15,21 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from retarget.core.errors import FormatError, UnknownNameError
-from retarget.core.types import Array, BoolArray, HumanMotion, TrackerRecording
+from retarget.core.types import HumanMotion, TrackerRecording
 from retarget.formats import _foxglove, _frame_map, _ros_frames
 from retarget.formats._mcap_reader import Batch
 from retarget.formats._ros_definitions import Definition
 from retarget.formats._ros_frames import LINKS, POSES, TREE, Clock, Edge, Frames
 from retarget.formats._ros_motion import motion_of
+from retarget.formats._ros_placing import composed, samples_of, without_held
 from retarget.formats._ros_source import Unread, short_type
 from retarget.formats._ros_wire import READERS, BadMessage, Cursor, Pose, read_all
-from retarget.formats._tracker_faults import LONGEST_HOLD_S, Samples
-from retarget.formats._tracker_recording import Log, Placed, assemble, place
+from retarget.formats._tracker_recording import Log, assemble, place
 from retarget.formats.base import TrackerOptions
 
 JOINT_STATE = "sensor_msgs/JointState"
 _TREES = ("tf2_msgs/TFMessage", "tf/tfMessage")
-_HELD_SHARE = 0.2
 _ENCODINGS = ("cdr", "ros1", "json", "protobuf")
 Decoder = Callable[[memoryview], Iterable[Pose]] | str
 """What makes poses of one message, or the key of `READERS` by which many are read at once."""
@@ -191,7 +189,7 @@ class RosRecording:
         choice = self._choice()
         log, start = self._log(choice)
         log = replace(log, sha256=sha256)
-        placed = _composed(choice, place(log, suit=choice.suit))
+        placed = composed(self.name, choice.chains, place(log, suit=choice.suit))
         recording: HumanMotion | TrackerRecording
         if choice.suit:
             recording, facts = motion_of(log, placed, self.map)
@@ -297,9 +295,9 @@ class RosRecording:
             raise FormatError(self.name, "nothing moves: all transforms are static", expected="a recording of motion")
         times = {key: edge.times(choice.clock) for key, edge in moving.items()}
         start = min(int(time.min()) for time in times.values())
-        samples = [_samples(edge, times[key] - start, choice.warnings) for key, edge in moving.items()]
+        samples = [samples_of(edge, times[key] - start, choice.warnings) for key, edge in moving.items()]
         if choice.suit:
-            samples = _without_held(samples, choice.warnings)
+            samples = without_held(samples, choice.warnings)
         options = self.options
         log = Log(
             name=self.name,
@@ -311,102 +309,6 @@ class RosRecording:
             warnings=choice.warnings,
         )
         return log, start
-
-
-def _samples(edge: Edge, time: NDArray[np.int64], warnings: list[str]) -> Samples:
-    """The edge's rows in order of time; what comes late on a network is not time going backward."""
-    poses = edge.poses()
-    order = np.argsort(time, kind="stable")
-    if late := int((np.diff(time) < 0).sum()):
-        warnings.append(f"{edge.label}: {late} poses out of order, sorted by time")
-    return Samples(
-        tracker=edge.label,
-        time=time[order] / 1e9,
-        position=poses[order, :3],
-        orientation=poses[order, 3:],
-        valid=np.ones(len(order), bool),
-        line=order + 1,
-    )
-
-
-def _without_held(samples: list[Samples], warnings: list[str]) -> list[Samples]:
-    """Without rows in which the whole person repeats the row before: a driver that publishes faster than the suit measures."""
-    rows = {len(one.time) for one in samples}
-    if len(rows) != 1 or (count := rows.pop()) < 3:
-        return samples
-    same = np.ones(count, bool)
-    same[0] = False
-    for one in samples:
-        same[1:] &= (one.position[1:] == one.position[:-1]).all(axis=1) & (
-            one.orientation[1:] == one.orientation[:-1]
-        ).all(axis=1)
-    # A person who stands perfectly still is a synthetic one, or a frozen suit: that stays.
-    new = np.flatnonzero(~same)
-    last = np.append(new[1:], count) - 1
-    for first, end in zip(new, last, strict=True):
-        if samples[0].time[end] - samples[0].time[first] > LONGEST_HOLD_S:
-            same[first : end + 1] = False
-    held = int(same.sum())
-    if held < _HELD_SHARE * count:
-        return samples
-    warnings.append(
-        f"{held} of {count} frames repeat the whole pose before, as published faster than measured: left out"
-    )
-    keep = ~same
-    return [
-        replace(
-            one,
-            time=one.time[keep],
-            position=one.position[keep],
-            orientation=one.orientation[keep],
-            valid=one.valid[keep],
-            line=one.line[keep],
-        )
-        for one in samples
-    ]
-
-
-def _composed(choice: _Choice, placed: Placed) -> Placed:
-    """The frames in their root, from their edges on one time base. Tracked is where every moving edge above is."""
-    column = {label: index for index, label in enumerate(placed.trackers)}
-    frames = len(placed.time)
-    known: dict[tuple[int, ...], tuple[Array, Array, BoolArray]] = {}
-
-    def pose(edges: Sequence[Edge]) -> tuple[Array, Array, BoolArray]:
-        key = tuple(id(edge) for edge in edges)
-        if key in known:
-            return known[key]
-        *above, edge = edges
-        if edge.static:
-            constant = edge.poses()[-1]
-            if not np.isfinite(constant).all() or abs(np.linalg.norm(constant[3:]) - 1) > 1e-2:
-                raise FormatError(f"static transform {edge.label}", f"found {constant.tolist()}", expected="a pose")
-            own = np.broadcast_to(constant[:3], (frames, 3)), np.broadcast_to(constant[3:], (frames, 4))
-            seen = np.ones(frames, bool)
-        else:
-            at = column[edge.label]
-            own, seen = (placed.position[:, at], placed.orientation[:, at]), placed.tracked[:, at]
-        if above:
-            *outer, outer_seen = pose(above)
-            own, seen = _ros_frames.compose((outer[0], outer[1]), own), seen & outer_seen
-        known[key] = own[0], own[1], seen
-        return known[key]
-
-    found = []
-    for edges in choice.chains.values():
-        if edges:
-            found.append(pose(edges))
-        else:
-            identity = np.broadcast_to(np.array([1.0, 0.0, 0.0, 0.0]), (frames, 4))
-            found.append((np.zeros((frames, 3)), identity, np.ones(frames, bool)))
-    return replace(
-        placed,
-        trackers=tuple(choice.chains),
-        position=np.stack([one[0] for one in found], axis=1),
-        orientation=np.stack([one[1] for one in found], axis=1),
-        tracked=np.stack([one[2] for one in found], axis=1),
-        roles={name: name.rpartition("/")[2] for name in choice.chains},
-    )
 
 
 def _joint_names(payload: memoryview, *, ros1: bool) -> tuple[str, ...]:

@@ -126,6 +126,13 @@ def test_nothing_of_a_person(tmp_path: Path) -> None:
     assert 'found map, pelvys; nearest: Pelvis = "pelvys"; expected --frames map.toml' in line
 
 
+def test_a_static_transform_that_is_none(tmp_path: Path) -> None:
+    ros = Ros(2)
+    fixed = ros.tf(ros.transform(START_NS, "map", "world", POSE[0], np.array([np.nan, 0.0, 0.0, 0.0])))
+    path = write_folder(tmp_path / "static", ros, [Sent("/tf_static", TF, START_NS, fixed), *_sent(ros)])
+    assert "topic /tf_static, world in map: found [0.1, 0.2, 1.0, nan, 0.0, 0.0, 0.0]" in _line(path)
+
+
 def test_joint_angles_of_an_xsens_driver_alone(tmp_path: Path) -> None:
     ros = Ros(2)
     names = [f"skeleton_joint{i}_{axis}" for i in range(22) for axis in "xyz"]
