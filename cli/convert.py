@@ -111,7 +111,7 @@ def convert(
 ) -> None:
     """Turn recordings INPUTS into robot joint trajectories.
 
-    INPUTS are recordings of suits (MVNX), or, with --calibration, logs of trackers: files, folders with -r, or '-' for stdin. Everything is checked before any work: two inputs for one output, an
+    INPUTS are recordings of suits (MVNX, ROS bags, MCAP), or, with --calibration, logs of trackers: files, folders with -r, or '-' for stdin. Everything is checked before any work: two inputs for one output, an
     output that exists or a folder that can't be written end the command with nothing done. Outputs are renamed into place
     when they are complete: a file that exists is finished.
     """

@@ -37,9 +37,9 @@ def formats_page() -> str:
         reads = [
             kind
             for kind, reader in (
-                ("motion", format_.read_motion),
+                ("motion", format_.read_motion or format_.read_recording),
                 ("trajectory", format_.read_trajectory),
-                ("trackers", format_.read_trackers),
+                ("trackers", format_.read_trackers or format_.read_recording),
             )
             if reader
         ]

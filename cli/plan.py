@@ -73,16 +73,20 @@ def collect_inputs(
     readable = [
         format_
         for format_ in formats.available().values()
-        if getattr(format_, f"read_{kind}") is not None or (logs and format_.read_trackers is not None)
+        if getattr(format_, f"read_{kind}") is not None
+        or (kind == "motion" and format_.read_recording is not None)
+        or (logs and format_.read_trackers is not None)
     ]
+    own = [format_ for format_ in readable if kind == "motion" and format_.is_own_output is not None]
+    bags = any(format_.name == "rosbag" for format_ in readable)
     suffixes = tuple(suffix for format_ in readable for suffix in format_.suffixes if suffix != ".txt")
     found: list[str] = []
     for name in named:
-        if name == PIPE or not Path(name).is_dir():
+        if name == PIPE or not Path(name).is_dir() or (bags and formats.is_bag_folder(Path(name))):
             _check_input(name)
             found.append(name)
         elif recursive:
-            found += _below(name, suffixes, what)
+            found += _below(name, suffixes, what, own=own, bags=bags)
         else:
             raise UsageError(f"{name}: is a folder; -r {verb} all {what} below it")
     return found
@@ -93,6 +97,8 @@ def stem(path: str, suffixes: Sequence[str]) -> str:
     if path == PIPE:
         return "stdin"
     name = Path(path).name
+    if Path(path).is_dir():  # a rosbag2 folder
+        return name or Path(path).resolve().name
     fitting = [suffix for suffix in suffixes if name.lower().endswith(suffix) and len(name) > len(suffix)]
     return name[: -len(max(fitting, key=len))] if fitting else Path(name).stem
 
@@ -254,14 +260,32 @@ def _similar(path: Path) -> str:
     return f"; did you mean {' or '.join(str(path.with_name(name)) for name in near)}?" if near else ""
 
 
-def _below(folder: str, suffixes: tuple[str, ...], what: str) -> list[str]:
+def _below(folder: str, suffixes: tuple[str, ...], what: str, *, own: Sequence[Format], bags: bool) -> list[str]:
+    """Files below `folder` with one of `suffixes`, and folders that are recordings. own: formats of which outputs of ours don't count."""
+    from retarget import formats
+
     found = []
     for base, folders, names in os.walk(folder):
         folders.sort()
-        found += [str(Path(base) / name) for name in sorted(names) if name.lower().endswith(suffixes)]
+        if bags and "metadata.yaml" in names and formats.is_bag_folder(Path(base)):
+            found.append(base)
+            folders.clear()
+            continue
+        paths = [Path(base) / name for name in sorted(names) if name.lower().endswith(suffixes)]
+        found += [str(path) for path in paths if not any(_is_output(path, format_) for format_ in own)]
     if not found:
         raise UsageError(f"{folder}: no {what} below this folder; looked for {', '.join(suffixes)}")
     return found
+
+
+def _is_output(path: Path, format_: Format) -> bool:
+    if format_.is_own_output is None or not path.name.lower().endswith(format_.suffixes):
+        return False
+    try:
+        with path.open("rb") as stream:
+            return format_.is_own_output(stream.read(512))
+    except OSError:
+        return False
 
 
 def _parse(template: str) -> Iterator[tuple[str, str | None]]:

@@ -19,15 +19,27 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-LOG_CHOICES = ("columns", "up", "log_rate_hz", "role", "roles_file")
+LOG_CHOICES = ("columns", "up", "log_rate_hz", "role", "roles_file", "frames", "clock", "msg_def")
 """Arguments that `log_options` adds to a command."""
 
 
 def log_options(*rate_names: str) -> Callable[[Command], Command]:
-    """Adds --columns, --up, --roles, --roles-file and the options `rate_names`, as the arguments `LOG_CHOICES`."""
+    """Adds --columns, --up, --roles, --roles-file, --frames, --clock, --msg-def and `rate_names`, as the arguments `LOG_CHOICES`."""
 
     def add(command: Command) -> Command:
         for option in (
+            click.option(
+                "--msg-def",
+                multiple=True,
+                metavar="PATH",
+                help="Message definitions that a ROS recording lacks: a .msg file or a folder; repeat for several.",
+            ),
+            click.option(
+                "--clock",
+                type=click.Choice(["header", "log"]),
+                help="Times of a ROS recording: the messages' own stamps (default), or the recorder's.",
+            ),
+            click.option("--frames", metavar="FILE.toml", help="Which frame of a ROS recording is what."),
             click.option(
                 *rate_names,
                 "log_rate_hz",
@@ -53,17 +65,18 @@ def log_options(*rate_names: str) -> Callable[[Command], Command]:
 
 def log_facts(choices: dict[str, Any]) -> dict[str, Any]:
     """Takes `LOG_CHOICES` out of a command's arguments: keyword arguments of `TrackerOptions`, in plain types. Raises `UsageError`."""
-    columns, up, rate_hz, role, roles_file = (choices.pop(name) for name in LOG_CHOICES)
+    columns, up, rate_hz, role, roles_file, frames, clock, msg_def = (choices.pop(name) for name in LOG_CHOICES)
     roles = {**(_roles_of(roles_file) if roles_file else {}), **_unique(role, "--roles")}
-    return {"columns": columns, "up": up, "rate_hz": rate_hz, "roles": roles}
+    facts = {"columns": columns, "up": up, "rate_hz": rate_hz, "roles": roles}
+    return {**facts, "frames": frames, "clock": clock, "msg_defs": list(msg_def)}
 
 
 def tracker_options(facts: Mapping[str, Any]) -> TrackerOptions:
     """The reader's options of what `log_facts` gave."""
     from retarget.formats import TrackerOptions
 
-    columns = facts.get("columns")
-    return TrackerOptions(**{**facts, "columns": Path(columns) if columns else None})
+    files = {name: Path(facts[name]) if facts.get(name) else None for name in ("columns", "frames")}
+    return TrackerOptions(**{**facts, **files, "msg_defs": tuple(Path(path) for path in facts.get("msg_defs", ()))})
 
 
 def read_recording(path: str, facts: Mapping[str, Any]) -> HumanMotion | TrackerRecording:

@@ -6,8 +6,9 @@ a `Format` or a module holding one. Nothing else needs to be told.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import io
+from collections.abc import Callable, Mapping
+from typing import Any, BinaryIO
 
 from retarget.core.errors import FormatError, InvalidDataError, UnknownNameError, UsageError
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
@@ -16,6 +17,7 @@ from retarget.formats._input import Input, opened
 from retarget.formats._output import write_trajectory, write_trajectory_stream
 from retarget.formats._registry import available, detect, get, names
 from retarget.formats._replay_log import ReplayLog
+from retarget.formats._ros_source import is_folder as is_bag_folder
 from retarget.formats.base import Format, TrackerOptions, TrajectoryOptions
 
 __all__ = [
@@ -27,6 +29,7 @@ __all__ = [
     "describe",
     "detect",
     "get",
+    "is_bag_folder",
     "names",
     "read_any",
     "read_motion",
@@ -38,21 +41,22 @@ __all__ = [
 ]
 
 
-def read_motion(source: Input, name: str | None = None, format: str | None = None) -> HumanMotion:
+def read_motion(
+    source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
+) -> HumanMotion:
     """The recorded motion in `source`, a path or an open binary stream (a pipe, where the format can be piped).
 
-    name: what messages call it (default: the path). format: its name, when suffix and content don't tell.
+    name: what messages call it (default: the path). format: its name, when suffix and content don't tell. options: what it doesn't say.
     Raises `UsageError` for a path that can't be opened and a file that holds no motion, `FormatError` for content that can't be read.
     """
     with opened(source, name, format, "read_motion") as (stream, shown, found):
-        if found.read_motion is None:
-            raise UsageError(
-                f"{shown}: {found.name} holds {_content(found)}, not recorded motion; expected one of {_readers('motion')}"
-            )
-        try:
-            return found.read_motion(stream, shown)
-        except InvalidDataError as error:
-            raise FormatError(shown, str(error)) from error
+        recording = _recording(stream, shown, found, options, found.read_motion)
+        if isinstance(recording, HumanMotion):
+            return recording
+        content = _content(found) if recording is None else "poses of trackers"
+    raise UsageError(
+        f"{shown}: {found.name} holds {content}, not recorded motion; expected one of {_readers('motion')}"
+    )
 
 
 def read_trajectory(
@@ -79,30 +83,25 @@ def read_trajectory(
 def read_trackers(
     source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
 ) -> TrackerRecording:
-    """The poses of tracked devices in `source`; arguments and errors as those of `read_motion`, `options` what the file doesn't say."""
+    """The poses of tracked devices in `source`; arguments and errors as those of `read_motion`."""
     with opened(source, name, format, "read_trackers") as (stream, shown, found):
-        if found.read_trackers is None:
-            raise UsageError(
-                f"{shown}: {found.name} holds {_content(found)}, not poses of trackers; expected one of {_readers('trackers')}"
-            )
-        try:
-            return found.read_trackers(stream, shown, options or TrackerOptions())
-        except InvalidDataError as error:
-            raise FormatError(shown, str(error)) from error
+        recording = _recording(stream, shown, found, options, found.read_trackers)
+        if isinstance(recording, TrackerRecording):
+            return recording
+        content = _content(found) if recording is None else "recorded motion"
+    raise UsageError(
+        f"{shown}: {found.name} holds {content}, not poses of trackers; expected one of {_readers('trackers')}"
+    )
 
 
 def read_recording(
     source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
 ) -> HumanMotion | TrackerRecording:
-    """What `source` recorded of a person: a motion of segments, or poses of trackers, as its format holds; errors as those of `read_trackers`."""
+    """What `source` recorded of a person: a motion of segments, or poses of trackers, as it holds; errors as those of `read_motion`."""
     with opened(source, name, format, "read_trackers") as (stream, shown, found):
-        try:
-            if found.read_trackers is not None:
-                return found.read_trackers(stream, shown, options or TrackerOptions())
-            if found.read_motion is not None:
-                return found.read_motion(stream, shown)
-        except InvalidDataError as error:
-            raise FormatError(shown, str(error)) from error
+        recording = _recording(stream, shown, found, options, found.read_trackers or found.read_motion)
+        if recording is not None:
+            return recording
     raise UsageError(
         f"{shown}: {found.name} holds {_content(found)}, not a person's motion; expected one of {_readers('trackers')}, {_readers('motion')}"
     )
@@ -111,21 +110,55 @@ def read_recording(
 def read_any(
     source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
 ) -> HumanMotion | TrackerRecording | JointTrajectory:
-    """Whatever `source` holds, as its format says: trackers before trajectories where formats share a suffix and neither knows the file.
+    """Whatever `source` holds: a person's recording before a robot's trajectory, where a format may hold either.
 
-    Arguments and errors as those of `read_trackers`.
+    Arguments and errors as those of `read_trackers`. A pipe that may hold either is kept in memory.
     """
     with opened(source, name, format, "read_trackers") as (stream, shown, found):
-        try:
-            if found.read_trackers is not None:
-                return found.read_trackers(stream, shown, options or TrackerOptions())
-            if found.read_trajectory is not None:
+        if found.read_trajectory is not None and not stream.seekable():
+            stream = io.BytesIO(stream.read())
+        start = stream.tell() if stream.seekable() else 0
+        reader = found.read_trackers or (None if found.read_trajectory is not None else found.read_motion)
+        recording = _recording(stream, shown, found, options, reader)
+        if recording is not None:
+            return recording
+        if found.read_trajectory is not None:
+            stream.seek(start)
+            try:
                 return found.read_trajectory(stream, shown, TrajectoryOptions())
-            if found.read_motion is not None:
-                return found.read_motion(stream, shown)
-        except InvalidDataError as error:
-            raise FormatError(shown, str(error)) from error
+            except InvalidDataError as error:
+                raise FormatError(shown, str(error)) from error
     raise UsageError(f"{shown}: {found.name} can only be written")
+
+
+def _recording(
+    stream: BinaryIO, name: str, found: Format, options: TrackerOptions | None, reader: Callable[..., Any] | None
+) -> HumanMotion | TrackerRecording | None:
+    """What the format's `read_recording` gives, where it has that, else its `reader`; None where the file is no person's recording."""
+    options = options or TrackerOptions()
+    try:
+        if found.read_recording is not None:
+            return found.read_recording(stream, name, options)
+        _refuse_ros_options(name, found, options)
+        if reader is None:
+            return None
+        # Motions need no options.
+        arguments: tuple[Any, ...] = (stream, name) if reader is found.read_motion else (stream, name, options)
+        result: HumanMotion | TrackerRecording = reader(*arguments)
+        return result
+    except InvalidDataError as error:
+        raise FormatError(name, str(error)) from error
+
+
+def _refuse_ros_options(name: str, found: Format, options: TrackerOptions) -> None:
+    given = {
+        "frames": options.frames is not None,
+        "clock": options.clock is not None,
+        "msg-def": bool(options.msg_defs),
+    }
+    if any(given.values()):
+        option = next(option for option, is_given in given.items() if is_given)
+        raise UsageError(f"{name}: --{option} is for ROS recordings, not for {found.name}")
 
 
 def describe(
@@ -135,6 +168,8 @@ def describe(
     # Where formats share a suffix and none knows the file: trajectories were written here and are known, tracker logs come from anywhere.
     with opened(source, name, format, "read_trackers") as (stream, shown, found):
         try:
+            if found.read_recording is None and options is not None:
+                _refuse_ros_options(shown, found, options)
             if found.describe_trackers is not None:
                 return found.describe_trackers(stream, shown, options or TrackerOptions())
             if found.describe is not None:
@@ -152,8 +187,15 @@ def _content(format_: Format) -> str:
     """What files of a format hold, in words."""
     if format_.read_motion is not None:
         return "recorded motion"
+    if format_.read_recording is not None and format_.read_trajectory is None:
+        return "ROS messages"
     return "poses of trackers" if format_.read_trackers is not None else "robot trajectories"
 
 
 def _readers(kind: str) -> str:
-    return ", ".join(f.name for f in available().values() if getattr(f, f"read_{kind}") is not None)
+    recordings = kind in ("motion", "trackers")
+    return ", ".join(
+        f.name
+        for f in available().values()
+        if getattr(f, f"read_{kind}") is not None or (recordings and f.read_recording is not None)
+    )

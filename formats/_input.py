@@ -11,6 +11,7 @@ from typing import Any, BinaryIO, cast
 
 from retarget.core.errors import FormatError, RetargetError, UsageError, nearest
 from retarget.formats import _registry
+from retarget.formats._ros_source import is_folder
 from retarget.formats.base import Format
 
 Input = str | Path | BinaryIO
@@ -25,13 +26,13 @@ def opened(
 ) -> Iterator[tuple[BinaryIO, str, Format]]:
     """The open stream, its display name and its format. Streams given by the caller are left open.
 
-    reader: the `Format` function wanted of it, which chooses between formats that share a suffix and both can't say.
+    Of a rosbag2 folder the stream is that of its metadata.yaml. reader: the `Format` function wanted of it, which chooses between formats that share a suffix and both can't say.
     """
     with contextlib.ExitStack() as stack:
         if isinstance(source, str | Path):
             name = name or str(source)
-            stream = stack.enter_context(_open(Path(source)))
-            where: str | Path = source
+            where: str | Path = Path(source) / "metadata.yaml" if is_folder(Path(source)) else source
+            stream = stack.enter_context(_open(Path(where)))
         else:
             stream, name = source, name or _stream_name(source)
             where = name
@@ -65,7 +66,9 @@ def _open(path: Path) -> BinaryIO:
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file{_neighbours(path)}") from None
     except IsADirectoryError:
-        raise UsageError(f"{path}: is a directory; expected a file") from None
+        raise UsageError(
+            f"{path}: is a directory; expected a file, or a rosbag2 folder with its metadata.yaml"
+        ) from None
     # ENAMETOOLONG, ELOOP, permission; ValueError is a NUL in the path
     except (OSError, ValueError) as error:
         reason = error.strerror.lower() if isinstance(error, OSError) and error.strerror else str(error)

@@ -31,13 +31,18 @@ _UNCHUNKED_BATCH = 4096
 
 @dataclass
 class Batch:
-    """Messages of one channel, in file order. `message_type` and `encoding` are "" where the channel has no schema."""
+    """Messages of one channel, in file order. `message_type`, `encoding` and `schema` are empty where the channel has no schema.
+
+    schema: the definition of the message type, as `schema_encoding` ("ros2msg", "jsonschema", "protobuf" …) has it.
+    """
 
     topic: str
     message_type: str
     encoding: str
     log_times: list[int] = field(default_factory=list)
     payloads: list[memoryview] = field(default_factory=list)
+    schema: bytes = b""
+    schema_encoding: str = ""
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,15 @@ class _Channels:
         if channel is None:
             raise FormatError(self.name, f"a message of channel {channel_id}, which is not declared before it")
         schema = self.schemas.get(channel.schema_id)
-        return Batch(channel.topic, schema.name if schema else "", channel.message_encoding if schema else "")
+        if schema is None:
+            return Batch(channel.topic, "", "")
+        return Batch(
+            channel.topic,
+            schema.name,
+            channel.message_encoding,
+            schema=schema.data,
+            schema_encoding=schema.encoding,
+        )
 
 
 def _records(stream: BinaryIO, name: str) -> Iterator[tuple[int, bytes]]:

@@ -65,7 +65,7 @@ def detect(path: str | Path, head: bytes, reader: str = "") -> Format:
         readable = {
             suffix
             for f in formats.values()
-            if f.read_motion or f.read_trajectory or f.read_trackers
+            if f.read_motion or f.read_trajectory or f.read_trackers or f.read_recording
             for suffix in f.suffixes
         }
         found = f"unknown suffix '{Path(path).suffix}'" if Path(path).suffix else "no suffix"

@@ -94,8 +94,8 @@ def usual_step(time: Array) -> float:
     return float(steps[np.abs(steps - median) <= 0.5 * median].mean())
 
 
-def clean(samples: Samples, name: str) -> Cleaned:
-    """Look through the rows of one tracker of file `name`.
+def clean(samples: Samples, name: str, *, suit: bool = False) -> Cleaned:
+    """Look through the rows of one tracker of file `name`. suit: rows of a segment, which nobody straps on: neither held nor jumping.
 
     Raises `FormatError` where time is not finite or goes backward, and for a tracker whose position or orientation was never measured.
     """
@@ -123,9 +123,9 @@ def clean(samples: Samples, name: str) -> Cleaned:
     same = np.zeros(len(time), bool)
     same[1:] = (position[1:] == position[:-1]).all(axis=1) & (quaternion[1:] == quaternion[:-1]).all(axis=1)
     same[1:] &= position_ok[1:] & position_ok[:-1]
-    jumps = _jump_times(time, position, position_ok & ~same)
+    jumps = np.zeros(0) if suit else _jump_times(time, position, position_ok & ~same)
     orientation = rotations.normalize(orientation)
-    frozen = _bridge(time, position, orientation, same, position_ok, orientation_ok)
+    frozen = _bridge(time, position, orientation, same, position_ok, orientation_ok) if not suit else ()
     return Cleaned(
         tracker=samples.tracker,
         role=samples.role,

@@ -62,32 +62,68 @@ class _Filled:
     long_gaps: list[tuple[float, float]]
 
 
+@dataclass(frozen=True)
+class Placed:
+    """D trackers on one time base, in the file's own world.
+
+    time: (T,) s. position: (T, D, 3) m. orientation: (T, D, 4). tracked: (T, D). roles: tracker → what the file says it is worn as.
+    cleaned: what became of the rows. warnings: what there is to say of them.
+    """
+
+    time: Array
+    trackers: tuple[str, ...]
+    position: Array
+    orientation: Array
+    tracked: BoolArray
+    roles: Mapping[str, str]
+    cleaned: Sequence[Cleaned]
+    warnings: Sequence[str]
+
+
 def build(log: Log) -> tuple[TrackerRecording, dict[str, Any]]:
     """The recording, and JSON-able facts of it.
 
     Raises `FormatError` for time going backward, a tracker never tracked, and times too uneven to put on one base;
     `UsageError` for roles that don't fit.
     """
-    cleaned = [clean(samples, log.name) for samples in log.trackers]
-    warnings = list(log.warnings)
+    return assemble(log, place(log))
+
+
+def place(log: Log, *, suit: bool = False) -> Placed:
+    """All trackers on one time base, gaps filled and marked. suit: as of `clean`. Raises `FormatError` as `build` does."""
+    cleaned = [clean(samples, log.name, suit=suit) for samples in log.trackers]
+    warnings: list[str] = []
     time = _time_base(cleaned, log.name, warnings)
     filled = [_fill(time, one) for one in cleaned]
-    position = np.stack([one.position for one in filled], axis=1)
-    orientation = np.stack([one.orientation for one in filled], axis=1)
-    tracked = np.stack([one.tracked for one in filled], axis=1)
-    position, orientation = to_house(position, orientation, log.up, log.handedness)
-
-    names = tuple(one.tracker for one in cleaned)
-    segments = assign(names, {one.tracker: one.role for one in cleaned}, log.roles or {}, warnings)
     for one, here in zip(cleaned, filled, strict=True):
         warnings.extend(_fault_lines(one, here))
-    warnings.extend(_repeat_lines(cleaned))
-    if doubt := doubt_up(position, tracked, log.up, [segments.get(name) for name in names]):
+    if not suit:
+        warnings.extend(_repeat_lines(cleaned))
+    return Placed(
+        time=time,
+        trackers=tuple(one.tracker for one in cleaned),
+        position=np.stack([one.position for one in filled], axis=1),
+        orientation=np.stack([one.orientation for one in filled], axis=1),
+        tracked=np.stack([one.tracked for one in filled], axis=1),
+        roles={one.tracker: one.role for one in cleaned},
+        cleaned=cleaned,
+        warnings=warnings,
+    )
+
+
+def assemble(log: Log, placed: Placed) -> tuple[TrackerRecording, dict[str, Any]]:
+    """The recording of trackers that are on one time base, in the house's world, and its facts. Raises `UsageError` for roles that don't fit."""
+    warnings = list(log.warnings)
+    time, tracked = placed.time, placed.tracked
+    position, orientation = to_house(placed.position, placed.orientation, log.up, log.handedness)
+    segments = assign(placed.trackers, placed.roles, log.roles or {}, warnings)
+    warnings.extend(placed.warnings)
+    if doubt := doubt_up(position, tracked, log.up, [segments.get(name) for name in placed.trackers]):
         warnings.append(doubt)
     step = usual_step(time)
     recording = TrackerRecording(
         time=time,
-        trackers=names,
+        trackers=placed.trackers,
         orientation=rotations.make_continuous(rotations.normalize(orientation)),
         position=position,
         tracked=tracked,
@@ -101,7 +137,7 @@ def build(log: Log) -> tuple[TrackerRecording, dict[str, Any]]:
             interpolated_frames=int((~tracked).any(axis=1).sum()),
         ),
     )
-    return recording, _facts(recording, cleaned, log)
+    return recording, _facts(recording, placed.cleaned, log)
 
 
 def _time_base(trackers: Sequence[Cleaned], name: str, warnings: list[str]) -> Array:

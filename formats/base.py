@@ -17,16 +17,19 @@ from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
 UpAxis = Literal["y", "z"]
 Handedness = Literal["right", "left"]
 QuaternionOrder = Literal["wxyz", "xyzw"]
+Clock = Literal["header", "log"]
 
 
 @dataclass(frozen=True)
 class TrackerOptions:
-    """What a tracker log doesn't say of itself. None = not given: the columns file's own word, then the format's stated default, holds.
+    """What a recording of trackers, or of ROS, doesn't say of itself. None = not given: the columns file's own word, then the format's stated default, holds.
 
     columns: which column is what, a TOML file or its content (`formats/vive.py` documents it); None = the header's names tell.
     up: the file's vertical axis. handedness: of the file's axes; "left" is mirrored before anything else.
     rate_hz: frames a second, of files without a time column.
     roles: tracker, as the file names it → canonical segment, role ("left_elbow", "waist" …), or "none"; goes before the file's own roles.
+    Of ROS recordings only: frames: which frame is what, a TOML file or its content (`formats/rosbag.py` documents it). clock: times by the
+    messages' own stamps or by the recorder's. msg_defs: `.msg` files, or folders of them, for recordings without definitions.
 
     Raises `UsageError` for values that are none of these.
     """
@@ -36,10 +39,14 @@ class TrackerOptions:
     rate_hz: float | None = None
     roles: Mapping[str, str] = field(default_factory=dict)
     handedness: Handedness | None = None
+    frames: Path | Mapping[str, Any] | None = None
+    clock: Clock | None = None
+    msg_defs: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         _check_choice("up", self.up, ("y", "z"))
         _check_choice("handedness", self.handedness, ("right", "left"))
+        _check_choice("clock", self.clock, ("header", "log"))
         _check_rate(self.rate_hz)
 
 
@@ -80,6 +87,7 @@ def _check_rate(rate_hz: float | None) -> None:
 MotionReader = Callable[[BinaryIO, str], HumanMotion]
 TrajectoryReader = Callable[[BinaryIO, str, TrajectoryOptions], JointTrajectory]
 TrackerReader = Callable[[BinaryIO, str, TrackerOptions], TrackerRecording]
+RecordingReader = Callable[[BinaryIO, str, TrackerOptions], HumanMotion | TrackerRecording | None]
 TrackerDescriber = Callable[[BinaryIO, str, TrackerOptions], Mapping[str, Any]]
 TrajectoryWriter = Callable[[BinaryIO, JointTrajectory, str], None]
 Describer = Callable[[BinaryIO, str], Mapping[str, Any]]
@@ -91,11 +99,13 @@ class Format:
 
     suffixes: lower case, longest first where one ends with another (".mvnx.gz" before ".gz"). Formats may share one, if they can
     recognise their own files.
+    is_own_output: whether a file that starts with these bytes is a trajectory that was written here, of formats that hold recordings, too.
     magic: byte strings of which a file starts with one, for files whose suffix tells nothing; empty = no magic.
     recognises: whether a file that starts with these bytes is of this format, asked where a suffix is shared; None = can't say.
     read_motion: (binary stream, display name) → type; None = this format doesn't hold that. read_trajectory: the same, with options.
     read_trackers: (binary stream, display name, options) → poses of devices that are nobody's segments yet.
-    describe_trackers: as `describe`, for formats with `read_trackers`.
+    read_recording: the same arguments → a motion or trackers, for formats that hold either; None = the file is a robot's.
+    describe_trackers: as `describe`, for formats with `read_trackers` or `read_recording`.
     write_trajectory: (binary stream, trajectory, style) → nothing.
     describe: (binary stream, display name) → facts for `retarget info`, cheaper than a full read; None = from a full read.
     pipeable: whether it can be written to and read from a stream that can't seek.
@@ -111,9 +121,11 @@ class Format:
     read_motion: MotionReader | None = None
     read_trajectory: TrajectoryReader | None = None
     read_trackers: TrackerReader | None = None
+    read_recording: RecordingReader | None = None
     write_trajectory: TrajectoryWriter | None = None
     describe_trackers: TrackerDescriber | None = None
     describe: Describer | None = None
+    is_own_output: Callable[[bytes], bool] | None = None
     pipeable: bool = False
     styles: tuple[str, ...] = field(default=("default",))
     read_styles: tuple[str, ...] = field(default=("default",))

@@ -16,25 +16,31 @@ Times must be in [0, 2³¹) s and at least a nanosecond apart.
 Any other MCAP with JointState messages can be read too. There, time starts at the first message; a missing or NaN velocity is
 differentiated from the positions; and the base is the root link of `/robot_description`, its pose the transform from its direct
 parent, interpolated to the joint states' stamps.
+
+As a recording of a person, from a file or a pipe, MCAP gives what `rosbag` says of tf, poses and link states; messages may be ROS 2
+(CDR) or ROS 1, Foxglove's FrameTransform, FrameTransforms and PoseInFrame also JSON or Protobuf.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import BinaryIO
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core.errors import RetargetError
-from retarget.core.types import Array, JointTrajectory
+from retarget.core.types import Array, HumanMotion, JointTrajectory, TrackerRecording
 from retarget.formats import _cdr, _mcap_reader, _trajectory
+from retarget.formats._describe import trajectory_facts
 from retarget.formats._mcap_reader import MAGIC
 from retarget.formats._mcap_recording import INT8, METADATA, STRING, TWIST, WORLD, Recording
 from retarget.formats._mcap_writer import McapFile, Topic, message_record
 from retarget.formats._ros_messages import JOINT_STATE, TF_MESSAGE, Stamps, typestore
-from retarget.formats.base import Format, TrajectoryOptions
+from retarget.formats._ros_recording import RosRecording
+from retarget.formats.base import Format, TrackerOptions, TrajectoryOptions
 
 _CHUNK_BYTES = 1 << 20
 
@@ -201,12 +207,76 @@ def read_trajectory(stream: BinaryIO, name: str, _options: TrajectoryOptions | N
     return recording.trajectory()
 
 
+class _Hashed:
+    """A stream whose bytes are hashed as they are read."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream, self.digest = stream, hashlib.sha256()
+
+    def read(self, size: int = -1) -> bytes:
+        """As the stream's."""
+        block = self._stream.read(size)
+        self.digest.update(block)
+        return block
+
+
+def read_recording(stream: BinaryIO, name: str, options: TrackerOptions) -> HumanMotion | TrackerRecording | None:
+    """The motion or the trackers in an MCAP stream, read once without seeking; None for a robot's trajectory.
+
+    Raises `FormatError` for a broken or truncated file and one without known frames, `UsageError` for options that don't fit.
+    """
+    hashed = _Hashed(stream)
+    recording = RosRecording(name, FORMAT.name, options)
+    for item in _mcap_reader.read(cast(BinaryIO, hashed), name):
+        if isinstance(item, _mcap_reader.Batch):
+            recording.add(item)
+        elif item.name == METADATA:
+            return None
+    if rest := _mcap_reader.count_rest(cast(BinaryIO, hashed)):
+        recording.warnings.append(f"{rest} bytes after the end of the MCAP document were not read")
+    if recording.is_robot():
+        return None
+    return recording.result(hashed.digest.hexdigest())[0]
+
+
+def describe(stream: BinaryIO, name: str, options: TrackerOptions) -> Mapping[str, Any]:
+    """Facts for `retarget info`: of a robot's trajectory, else of topics, frames, and what they are of a person."""
+    # What a robot's trajectory is made of is parsed only where it is one; a pipe can't be read again, so there both are.
+    start = stream.tell() if stream.seekable() else None
+    robot, recording = Recording(name), RosRecording(name, FORMAT.name, options)
+    own = False
+    for item in _mcap_reader.read(stream, name):
+        own = own or (isinstance(item, _mcap_reader.Metadata) and item.name == METADATA)
+        if own and start is not None:
+            break
+        if isinstance(item, _mcap_reader.Batch) and not own:
+            recording.add(item)
+        if start is None:
+            robot.add(item)
+    if not own and not recording.is_robot():
+        return recording.describe()
+    if start is not None:
+        stream.seek(start)
+        return trajectory_facts(FORMAT.name, read_trajectory(stream, name))
+    if rest := _mcap_reader.count_rest(stream):
+        robot.warnings.append(f"{rest} bytes after the end of the MCAP document were not read")
+    return trajectory_facts(FORMAT.name, robot.trajectory())
+
+
+def _is_own_output(head: bytes) -> bool:
+    name = METADATA.encode()
+    return len(name).to_bytes(4, "little") + name in head
+
+
 FORMAT = Format(
     name="mcap",
-    description="MCAP, profile ros2: JointState, TF and URDF, for Foxglove and ROS 2",
+    description="MCAP, profile ros2: JointState, TF and URDF, for Foxglove and ROS 2; recordings of tf, poses, link states",
     suffixes=(".mcap",),
     magic=(MAGIC,),
     read_trajectory=read_trajectory,
+    read_recording=read_recording,
+    describe_trackers=describe,
+    is_own_output=_is_own_output,
     write_trajectory=write_trajectory,
     pipeable=True,
 )

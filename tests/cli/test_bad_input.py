@@ -77,7 +77,7 @@ REFUSED: dict[str, tuple[list[str], str]] = {
     "missing file": (["wolk.mvnx", "--robot", "g1"], "wolk.mvnx: no such file; did you mean walk.mvnx"),
     "missing among others": (["walk.mvnx", "nothing", "--robot", "g1"], "nothing: no such file"),
     "folder": (["sub", "--robot", "g1"], "sub: is a folder; -r converts all recordings below it"),
-    "folder without recordings": (["sub", "-r", "--robot", "g1"], "sub: no recordings below this folder; looked for .mvnx"),
+    "folder without recordings": (["sub", "-r", "--robot", "g1"], "sub: no recordings below this folder; looked for .mcap, .mvnx.gz, .mvnx, .bag, .db3"),
     "no input": (["--robot", "g1"], "no input; give recordings, or --files-from"),
     "unknown robot": (["walk.mvnx", "--robot", "icup"], "unknown robot 'icup'; did you mean icub?"),
     "missing profile": (["walk.mvnx", "--robot", "./no.toml"], "no.toml: no such profile file"),

@@ -302,7 +302,8 @@ def test_trajectories_are_no_tracker_logs(tmp_path: Path, make_trajectory: Calla
     formats.write_trajectory(path, make_trajectory())
     assert formats.describe(path)["kind"] == "trajectory"
     with pytest.raises(
-        UsageError, match="csv holds robot trajectories, not poses of trackers; expected one of libsurvive, vive"
+        UsageError,
+        match="csv holds robot trajectories, not poses of trackers; expected one of libsurvive, mcap, rosbag, vive",
     ):
         formats.read_trackers(path)
 

@@ -1,0 +1,131 @@
+"""Messages whose definition the recording or the user has to bring: `LinkStateArray` of the Xsens drivers.
+
+MCAP, ROS 1 bags and newer `.db3` hold the definition of every type. Older `.db3` name the type only: its `.msg` files, or the folder
+they are in (the driver's own), are given as `msg_defs`. The standard messages that definitions refer to are known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from retarget.core.errors import FormatError, RetargetError, UsageError, nearest
+from retarget.formats._ros_wire import Pose
+
+_LARGEST_DEFINITION = 1 << 20
+
+
+class Definition:
+    """One message type with a decoder for it.
+
+    message_type: `package/Name`. text: its definition as the recording holds it, `encoding` "ros1msg", "ros2msg" or "ros2idl"; "" = none.
+    Raises `FormatError` where neither the recording nor `msg_defs` defines it, `UsageError` for `msg_defs` that can't be used.
+    """
+
+    def __init__(
+        self,
+        file: str,
+        topic: str,
+        message_type: str,
+        text: str,
+        encoding: str,
+        *,
+        ros1: bool,
+        msg_defs: Sequence[Path],
+    ) -> None:
+        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+        self.file, self.topic, self.ros1 = file, topic, ros1
+        package, _, self.name = message_type.partition("/")
+        self.full_name = f"{package}/msg/{self.name}"
+        self._store: Any = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+        types: dict[str, Any] = {}
+        try:
+            if text:
+                types = get_types_from_idl(text) if encoding == "ros2idl" else get_types_from_msg(text, self.full_name)
+            else:
+                for path in _definition_files(msg_defs):
+                    # Files of one package refer to each other by bare names; a file that is alone is taken for the bag's package.
+                    own = path.parent.parent.name if path.parent.name == "msg" else package
+                    content = path.read_text(encoding="utf-8-sig")
+                    for owner in dict.fromkeys((package, own)):
+                        types |= get_types_from_msg(content, f"{owner}/msg/{path.stem}")
+            self._store.register({name: fields for name, fields in types.items() if name not in self._store.fielddefs})
+            known = self.full_name in self._store.fielddefs
+            if known:
+                self._store.get_msgdef(self.full_name)  # finds types that nobody defines
+        except RetargetError:
+            raise
+        # rosbags' parser reports what it can't read by several errors of its own and by whatever it trips over.
+        except Exception as error:
+            if isinstance(error, KeyError):
+                error = KeyError(f"it refers to {error.args[0]}, which is not defined")
+            what = "the recording's definition" if text else "--msg-def"
+            lines = str(error.args[0] if error.args else "").strip().splitlines() or [type(error).__name__]
+            raise FormatError(
+                file, f"{what} of {message_type} can't be read: {lines[0]}", place=f"topic {topic}"
+            ) from error
+        if not known:
+            have = sorted({path.stem for path in _definition_files(msg_defs)})
+            near = nearest(self.name, have)
+            hint = f"; --msg-def holds {', '.join(near or have[:5])}" if have else ""
+            raise FormatError(
+                file,
+                f"unknown message definition {message_type}{hint}",
+                place=f"topic {topic}",
+                expected=f"--msg-def FOLDER with {self.name}.msg, as this recording holds no definitions",
+            )
+
+    def links(self, payload: bytes | memoryview, index: int) -> Iterator[Pose]:
+        """The links of a `LinkStateArray`: `header.frame_id` of each state is the link itself, its pose is in the world.
+
+        Raises `FormatError` for bytes that are no such message.
+        """
+        decode = self._store.deserialize_ros1 if self.ros1 else self._store.deserialize_cdr
+        try:
+            message = decode(bytes(payload), self.full_name)
+            whole = getattr(message, "header", None)
+            for state in message.states:
+                p, q = state.pose.position, state.pose.orientation
+                stamp = state.header.stamp
+                if whole is not None and not (stamp.sec or stamp.nanosec):
+                    stamp = whole.stamp
+                yield Pose(
+                    "",
+                    state.header.frame_id,
+                    stamp.sec * 1_000_000_000 + stamp.nanosec,
+                    (p.x, p.y, p.z, q.x, q.y, q.z, q.w),
+                )
+        except AttributeError as error:
+            raise FormatError(
+                self.file,
+                f"{self.full_name} is not defined as the Xsens drivers do: {error}",
+                place=f"topic {self.topic}",
+                expected="states[] with header and pose",
+            ) from error
+        # A wrong length surfaces as whatever the generated decoder trips over first.
+        except Exception as error:
+            raise FormatError(
+                self.file,
+                f"not a {self.full_name}: {error or type(error).__name__}",
+                place=f"topic {self.topic}, message {index}",
+            ) from error
+
+
+def _definition_files(paths: Sequence[Path]) -> list[Path]:
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            below = sorted(path.rglob("*.msg"))
+            if not below:
+                raise UsageError(f"--msg-def {path}: no .msg file below this folder")
+            found += below
+        elif path.is_file():
+            found.append(path)
+        else:
+            raise UsageError(f"--msg-def {path}: no such file or folder")
+    for path in found:
+        if path.stat().st_size > _LARGEST_DEFINITION:
+            raise UsageError(f"--msg-def {path}: {path.stat().st_size} bytes; expected a message definition")
+    return found
