@@ -206,13 +206,16 @@ def hanging_arms(segments: Sequence[str], wxyz: Array) -> Array:
 Select = Callable[[int, int], bool]
 
 
-def flat_tf(ros: Ros, motion: Any, wxyz: Array, *, prefix: str = "skeleton_", root: str = "world") -> Iterator[Sent]:
-    """`/tf` of every segment in the world, one message a segment, as `sendTransform` does."""
+def flat_tf(
+    ros: Ros, motion: Any, wxyz: Array, *, prefix: str = "skeleton_", root: str = "world", apart_ns: int = 0
+) -> Iterator[Sent]:
+    """`/tf` of every segment in the world, one message a segment, as `sendTransform` does, each stamped `apart_ns` later."""
     for frame, stamp in enumerate(stamps(motion.time)):
         for column, segment in enumerate(motion.segments):
             name = prefix + XSENS[segment]
-            one = ros.transform(stamp, root, name, motion.position[frame, column], wxyz[frame, column])
-            yield Sent("/tf", "tf2_msgs/msg/TFMessage", stamp + 1000, ros.tf(one))
+            at = stamp + column * apart_ns
+            one = ros.transform(at, root, name, motion.position[frame, column], wxyz[frame, column])
+            yield Sent("/tf", "tf2_msgs/msg/TFMessage", at + 1000, ros.tf(one))
 
 
 def tree_tf(ros: Ros, motion: Any, wxyz: Array, parents: dict[str, str | None], dropped: Select) -> Iterator[Sent]:

@@ -163,6 +163,19 @@ def test_an_old_db3_needs_the_definitions(tmp_path: Path) -> None:
         formats.read_motion(path, options=TrackerOptions(msg_defs=(folder / "LinkState.msg",)))
 
 
+def test_segments_stamped_one_after_another_come_onto_one_time_base(tmp_path: Path) -> None:
+    # The ROS 1 driver asks the clock anew for each segment.
+    ros, short = Ros(2), timebase.cut(walk(), 0.0, 1.0)
+    path = write_folder(tmp_path / "apart", ros, flat_tf(ros, short, short.orientation, apart_ns=9_000))
+    motion = formats.read_motion(path)
+    assert motion.frames == short.frames
+    assert abs(motion.rate_hz - 60.0) < 1e-3
+    assert any("times are uneven or differ between" in line for line in motion.source.warnings)
+    # 0.2 ms at most, at the speeds of this walk
+    assert np.degrees(rotations.angle(motion.orientation, short.orientation)).max() < 0.1
+    assert np.abs(motion.position - short.position).max() < 1e-3
+
+
 def test_of_several_people_one_is_taken_and_the_others_are_named(tmp_path: Path) -> None:
     short, ros = timebase.cut(walk(), 0.0, 0.1), Ros(2)
     moved = replace(short, position=short.position + np.array([0.0, 2.0, 0.0]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -251,13 +252,7 @@ def _foxglove_pose_protobuf(frame: int, stamp: int) -> bytes:
 
 def _foxglove_cdr(name: str, frame: int, stamp: int) -> bytes:
     """By rosbags, from the definitions of foxglove_msgs."""
-    ros = Ros(2)
-    for short, text in (
-        ("FrameTransform", f"{TIMESTAMP}string parent_frame_id\nstring child_frame_id\n{TRANSFORM}"),
-        ("FrameTransforms", "foxglove_msgs/FrameTransform[] transforms\n"),
-        ("PoseInFrame", f"{TIMESTAMP}string frame_id\ngeometry_msgs/Pose pose\n"),
-    ):
-        ros.store.register(get_types_from_msg(text, f"foxglove_msgs/msg/{short}"))
+    ros = _foxglove_ros()
     time = ros.header(stamp, "").stamp
     if name == "PoseInFrame":
         message = ros.make(f"foxglove_msgs/{name}", time, "room", ros.pose(POSITION[frame], WXYZ[frame]))
@@ -267,6 +262,18 @@ def _foxglove_cdr(name: str, frame: int, stamp: int) -> bytes:
         if name == "FrameTransforms":
             message = ros.make("foxglove_msgs/FrameTransforms", [message])
     return bytes(ros.store.serialize_cdr(message, f"foxglove_msgs/msg/{name}"))
+
+
+@cache
+def _foxglove_ros() -> Ros:
+    ros = Ros(2)
+    for short, text in (
+        ("FrameTransform", f"{TIMESTAMP}string parent_frame_id\nstring child_frame_id\n{TRANSFORM}"),
+        ("FrameTransforms", "foxglove_msgs/FrameTransform[] transforms\n"),
+        ("PoseInFrame", f"{TIMESTAMP}string frame_id\ngeometry_msgs/Pose pose\n"),
+    ):
+        ros.store.register(get_types_from_msg(text, f"foxglove_msgs/msg/{short}"))
+    return ros
 
 
 TIMESTAMP = "builtin_interfaces/Time timestamp\n"
