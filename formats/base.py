@@ -82,6 +82,9 @@ TrajectoryReader = Callable[[BinaryIO, str, TrajectoryOptions], JointTrajectory]
 TrackerReader = Callable[[BinaryIO, str, TrackerOptions], TrackerRecording]
 TrackerDescriber = Callable[[BinaryIO, str, TrackerOptions], Mapping[str, Any]]
 TrajectoryWriter = Callable[[BinaryIO, JointTrajectory, str], None]
+SceneWriter = Callable[[BinaryIO, JointTrajectory, str, HumanMotion], None]
+FolderWriter = Callable[[Path, JointTrajectory, str, HumanMotion | None], None]
+FolderReader = Callable[[Path, str, TrajectoryOptions], JointTrajectory]
 Describer = Callable[[BinaryIO, str], Mapping[str, Any]]
 
 
@@ -97,6 +100,9 @@ class Format:
     read_trackers: (binary stream, display name, options) → poses of devices that are nobody's segments yet.
     describe_trackers: as `describe`, for formats with `read_trackers`.
     write_trajectory: (binary stream, trajectory, style) → nothing.
+    write_with_motion: the same, with the person's motion, for formats that can show both.
+    recognises_folder: whether a folder is of this format, of formats that are folders; those have `read_folder` (folder, display name,
+    options) and `write_folder` (empty folder, trajectory, style, motion or None) in place of the functions of streams.
     describe: (binary stream, display name) → facts for `retarget info`, cheaper than a full read; None = from a full read.
     pipeable: whether it can be written to and read from a stream that can't seek.
     styles: names accepted as `style` by `write_trajectory`, the default first.
@@ -112,8 +118,17 @@ class Format:
     read_trajectory: TrajectoryReader | None = None
     read_trackers: TrackerReader | None = None
     write_trajectory: TrajectoryWriter | None = None
+    write_with_motion: SceneWriter | None = None
+    recognises_folder: Callable[[Path], bool] | None = None
+    read_folder: FolderReader | None = None
+    write_folder: FolderWriter | None = None
     describe_trackers: TrackerDescriber | None = None
     describe: Describer | None = None
     pipeable: bool = False
     styles: tuple[str, ...] = field(default=("default",))
     read_styles: tuple[str, ...] = field(default=("default",))
+
+    @property
+    def writable(self) -> bool:
+        """Whether trajectories can be written in it."""
+        return self.write_trajectory is not None or self.write_folder is not None

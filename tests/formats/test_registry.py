@@ -37,7 +37,7 @@ def test_every_format_is_called_as_its_module_and_who_shares_a_suffix_knows_its_
     assert all(name == format_.name for name, format_ in found.items())
     suffixes = [suffix for format_ in found.values() for suffix in format_.suffixes]
     assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in suffixes)
-    assert all(f.read_motion or f.read_trajectory or f.read_trackers or f.write_trajectory for f in found.values())
+    assert all(f.read_motion or f.read_trajectory or f.read_trackers or f.writable for f in found.values())
     for suffix in {suffix for suffix in suffixes if suffixes.count(suffix) > 1}:
         sharing = [f for f in found.values() if suffix in f.suffixes]
         assert all(f.recognises is not None and not f.recognises(b"") for f in sharing)
