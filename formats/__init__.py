@@ -14,6 +14,7 @@ from retarget.core.errors import FormatError, InvalidDataError, RetargetError, U
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
 from retarget.formats import _folders
 from retarget.formats._describe import motion_facts, trajectory_facts
+from retarget.formats._files import new_file
 from retarget.formats._input import Input, opened
 from retarget.formats._output import write_trajectory, write_trajectory_stream
 from retarget.formats._registry import available, detect, get, names
@@ -31,6 +32,7 @@ __all__ = [
     "folder_format",
     "get",
     "names",
+    "new_file",
     "read_motion",
     "read_recording",
     "read_trackers",

@@ -24,6 +24,16 @@ def part_name() -> str:
 
 
 @contextmanager
+def new_file(path: str | Path) -> Iterator[BinaryIO]:
+    """A stream to a new file that takes the place of `path` when the body ends well; else nothing of it is left and `path` is as it was.
+
+    A link is followed. Raises `UsageError` and `RetargetError`, naming `path`, for what the file system refuses, such as a full disk.
+    """
+    with placed(path, Path(os.path.realpath(path))) as stream:
+        yield stream
+
+
+@contextmanager
 def placed(path: str | Path, target: Path, check: Callable[[], None] = lambda: None) -> Iterator[BinaryIO]:
     """A stream to a new file that becomes `target` when the body ends well and `check` passes, and is removed otherwise.
 
