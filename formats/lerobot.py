@@ -13,7 +13,7 @@
 | `observation.velocity` | (n,) | joint velocities in rad/s |
 | `observation.base_pose` | (7,) | with a moving base: world ← base link, x y z in m, quaternion **xyzw**, each named |
 | `observation.base_twist` | (6,) | its linear and angular velocity, world, m/s and rad/s, where both are known |
-| `observation.status` | (1,) | 0 = solved, 1 = marked |
+| `status` | (1,) | 0 = solved, 1 = marked |
 | `action` | (n,) | what a position controller is told: the joint positions of the same frame |
 | `timestamp frame_index episode_index index task_index` | (1,) | LeRobot's own |
 
@@ -44,7 +44,7 @@ INFO, STATS, TASKS, OURS = "meta/info.json", "meta/stats.json", "meta/tasks.parq
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES_PATH = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 STATE, VELOCITY, ACTION = "observation.state", "observation.velocity", "action"
-POSE, TWIST, STATUS = "observation.base_pose", "observation.base_twist", "observation.status"
+POSE, TWIST, STATUS = "observation.base_pose", "observation.base_twist", "status"
 POSE_NAMES = ["x", "y", "z", "qx", "qy", "qz", "qw"]
 TWIST_NAMES = ["vx", "vy", "vz", "wx", "wy", "wz"]
 TOLERANCE_S = 1e-4
