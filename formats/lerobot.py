@@ -276,6 +276,11 @@ def _read_columns(folder: Path, name: str) -> dict[str, NDArray[Any]]:
             tables.append(pq.read_table(path, columns=held))
         table = pa.concat_tables(tables)
         return {column: np.array(table[column].to_pylist(), float) for column in table.column_names}
+    except OSError as error:
+        if error.errno is not None:
+            raise
+        # Damaged Parquet is pyarrow's OSError, without the number that the file system's have.
+        raise FormatError(name, f"not readable data: {' '.join(str(error).split())}", place="data") from error
     # pyarrow's errors derive from a dozen of Python's; lists of several lengths are NumPy's ValueError.
     except (pa.ArrowException, ValueError, TypeError, KeyError, OverflowError) as error:
         raise FormatError(name, f"not readable data: {' '.join(str(error).split())}", place="data") from error

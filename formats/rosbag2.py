@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from retarget.core.errors import FormatError
 from retarget.core.types import HumanMotion, JointTrajectory
 from retarget.formats import _mcap_reader, _mcap_trajectory
@@ -24,7 +25,9 @@ from retarget.formats.base import Format, TrajectoryOptions
 
 METADATA = "metadata.yaml"
 STORAGE = "trajectory_0.mcap"
-_LARGEST_METADATA = 16 << 20
+_LARGEST_METADATA = 1 << 20
+_DEEPEST_METADATA = 50
+_OPENING, _CLOSING = list(b"[{"), list(b"]}")
 _BATCH = 4096
 
 
@@ -99,6 +102,12 @@ def _information(folder: Path, name: str) -> dict[str, Any]:
         text = stream.read(_LARGEST_METADATA + 1)
     if len(text) > _LARGEST_METADATA:
         raise FormatError(name, f"{METADATA} of more than {_LARGEST_METADATA >> 20} MiB", expected="a bag's metadata")
+    # The parser takes seconds over thousands of open brackets.
+    bytes_ = np.frombuffer(text, np.uint8)
+    if len(text) and np.cumsum(np.isin(bytes_, _OPENING) * 1 - np.isin(bytes_, _CLOSING)).max() > _DEEPEST_METADATA:
+        raise FormatError(
+            name, "brackets within brackets", place=METADATA, expected="the metadata of a rosbag2 recording"
+        )
     try:
         loaded = YAML(typ="safe", pure=True).load(text.decode())
         found = loaded["rosbag2_bagfile_information"]
