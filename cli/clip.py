@@ -52,23 +52,33 @@ def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
     model = model_for(clip.robot, motion)
     model_s = time.perf_counter() - started - read_s
     result = pipeline.convert(motion, model, pipeline.ConvertOptions(**(clip.options or {})), progress)
+    person = result.motion if clip.human else None
     before_write = time.perf_counter()
     if clip.output == PIPE:
         stream = getattr(sys.stdout, "buffer", None)
         if stream is None:
             raise UsageError("stdout is closed")
-        formats.write_trajectory_stream(stream, result.trajectory, format=clip.format, style=clip.style)
+        formats.write_trajectory_stream(stream, result.trajectory, format=clip.format, style=clip.style, motion=person)
         stream.flush()
     else:
         Path(clip.output).parent.mkdir(parents=True, exist_ok=True)
         formats.write_trajectory(
-            clip.output, result.trajectory, format=clip.format, style=clip.style, overwrite=clip.overwrite
+            clip.output,
+            result.trajectory,
+            format=clip.format,
+            style=clip.style,
+            motion=person,
+            overwrite=clip.overwrite,
         )
     write_s = time.perf_counter() - before_write
     wall_s = time.perf_counter() - started
     if clip.report:
         _write_report(clip, result, model)
     stages = {"read": read_s, "model": model_s, **result.timings_s, "write": write_s}
+    if clip.rerun:
+        from retarget.cli import rerun_log
+
+        rerun_log.write(clip.rerun, result)
     return _record(clip, result, wall_s, stages)
 
 

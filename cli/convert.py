@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,7 +13,7 @@ from retarget.cli.console import Console, leave, printable
 from retarget.cli.main import unexpected
 from retarget.cli.plan import PIPE, Clip
 from retarget.cli.tracker_logs import load_calibration, log_facts, log_options
-from retarget.core.errors import UsageError
+from retarget.core.errors import UnknownNameError, UsageError
 
 if TYPE_CHECKING:
     from retarget.core.batch import Outcome
@@ -32,7 +31,15 @@ if TYPE_CHECKING:
     help="Output file, with {stem}, {robot}, {mapping}, {format} filled in; '-' is stdout. Folders before the first "
     "placeholder must exist. [default: {stem}_{robot}.mcap]",
 )
-@click.option("--format", "format_", type=o.FORMAT, help="mcap, hdf5, csv or npz. [default: by the output's suffix]")
+@click.option(
+    "--format",
+    "format_",
+    type=o.FORMAT,
+    help="mcap, rosbag2, hdf5, csv, npz or lerobot. [default: by the output's suffix]",
+)
+@click.option(
+    "--style", metavar="NAME", help="Variant of the format: mcap and rosbag2 joint_trajectory, npz gmr, csv unitree."
+)
 @click.option("--csv-style", type=o.CSV_STYLE, help="Columns of CSV: header or unitree. [default: header]")
 @click.option(
     "--method",
@@ -85,6 +92,14 @@ if TYPE_CHECKING:
     default="auto",
     show_default=True,
     help="Solver code, the same results: compiled takes 15 s the first time; auto takes it for long clips.",
+)
+@click.option(
+    "--human/--no-human",
+    default=True,
+    help="Write the person's frames along, for Foxglove and RViz: mcap, rosbag2. [default: human]",
+)
+@click.option(
+    "--rerun", metavar="DIR|FILE.rrd", help="Also write a Rerun recording of person, targets, robot and errors."
 )
 @click.option("--report", metavar="DIR|FILE.html", help="Also write an HTML page with plots.")
 @click.option("--files-from", metavar="FILE|-", help="Read more inputs from this file, one a line.")
@@ -142,8 +157,11 @@ def _plan(
     output: str | None,
     *,
     format_: str | None,
+    style: str | None,
     csv_style: str | None,
+    human: bool,
     report: str | None,
+    rerun: str | None,
     files_from: str | None,
     nul: bool,
     recursive: bool,
@@ -180,6 +198,15 @@ def _plan(
     target = plan.output_format(output, format_, known)
     if csv_style and target.name != "csv":
         raise UsageError(f"--csv-style is for CSV; the output is {target.name}")
+    if csv_style and style and csv_style != style:
+        raise UsageError(f"--style {style} and --csv-style {csv_style} contradict each other")
+    style = csv_style or style
+    if style and style not in target.styles:
+        raise UnknownNameError(f"{target.name} style", style, target.styles, where="--style")
+    if rerun:
+        from retarget.cli import rerun_log
+
+        rerun_log.check_installed()
     chosen = {robot: profiles.load(robot) for robot in dict.fromkeys(robots)}
     names = plan.collect_inputs(inputs, files_from, nul=nul, recursive=recursive, logs=calibration is not None)
     template = plan.folder_template(output, target)
@@ -191,7 +218,9 @@ def _plan(
         known=known,
         mapping=options["mapping"],
         report=report,
-        style=csv_style,
+        rerun=rerun,
+        style=style,
+        human=human,
         overwrite=force,
         options=options,
         method=method,
@@ -199,7 +228,7 @@ def _plan(
         log=log,
     )
     clips = batch.shard(clips, *shard) if shard else clips
-    done = [skip_existing and Path(clip.output).is_file() for clip in clips]
+    done = [skip_existing and plan.is_finished(clip) for clip in clips]
     skipped = [clip for clip, is_done in zip(clips, done, strict=True) if is_done]
     clips = [clip for clip, is_done in zip(clips, done, strict=True) if not is_done]
     plan.check_outputs(clips, template)

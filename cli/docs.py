@@ -38,15 +38,15 @@ def formats_page() -> str:
             kind
             for kind, reader in (
                 ("motion", format_.read_motion or format_.read_recording),
-                ("trajectory", format_.read_trajectory),
+                ("trajectory", format_.read_trajectory or format_.read_folder),
                 ("trackers", format_.read_trackers or format_.read_recording),
             )
             if reader
         ]
         styles = ", ".join(format_.styles) if len(format_.styles) > 1 else ""
         rows.append(
-            f"| [{name}](#{name}) | {format_.description} | {' '.join(f'`{s}`' for s in format_.suffixes)} | {', '.join(reads)} "
-            f"| {'yes' if format_.write_trajectory else ''} | {'yes' if format_.pipeable else ''} | {styles} |"
+            f"| [{name}](#{name}) | {format_.description} | {' '.join(f'`{s}`' for s in format_.suffixes) or 'a folder'} | {', '.join(reads)} "
+            f"| {'yes' if format_.writable else ''} | {'yes' if format_.pipeable else ''} | {styles} |"
         )
         parts.append(f"## {name}\n\n{inspect.cleandoc(module.__doc__ or '')}\n")
     head = "| format | | suffixes | reads | writes | pipes | styles |\n|---|---|---|---|---|---|---|"

@@ -180,7 +180,7 @@ def writable_formats() -> list[str]:
     """Formats that hold trajectories and can be written."""
     from retarget import formats
 
-    return [name for name, format_ in formats.available().items() if format_.write_trajectory]
+    return [name for name, format_ in formats.available().items() if format_.writable]
 
 
 def csv_styles() -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 import string
 import sys
 import tempfile
@@ -29,7 +28,8 @@ class Clip:
     """One recording for one robot.
 
     input, output: paths, or "-" for stdin and stdout. robot: name or profile path as given; robot_name: the profile's own.
-    format, style: of the output. report: path of the HTML page, "" for none. options: fields of `ConvertOptions`.
+    format, style: of the output. human: whether the person is written along, where the format can. report, rerun: paths of the HTML page and
+    the Rerun recording, "" for none. options: fields of `ConvertOptions`.
     method: what the user asked for. calibration: path of the operator's, or None. log: what a tracker log doesn't say (`tracker_logs`).
     """
 
@@ -40,7 +40,9 @@ class Clip:
     format: str
     style: str | None = None
     overwrite: bool = False
+    human: bool = True
     report: str = ""
+    rerun: str = ""
     options: Mapping[str, Any] | None = None
     method: str = "geometric"
     calibration: str | None = None
@@ -82,11 +84,12 @@ def collect_inputs(
     suffixes = tuple(suffix for format_ in readable for suffix in format_.suffixes if suffix != ".txt")
     found: list[str] = []
     for name in named:
-        if name == PIPE or not Path(name).is_dir() or (bags and formats.is_bag_folder(Path(name))):
+        bag = bags and formats.is_bag_folder(Path(name))
+        if name == PIPE or not Path(name).is_dir() or bag or (kind == "trajectory" and formats.folder_format(name)):
             _check_input(name)
             found.append(name)
         elif recursive:
-            found += _below(name, suffixes, what, own=own, bags=bags)
+            found += _below(name, suffixes, what, own=own, bags=bags, folders=kind == "trajectory")
         else:
             raise UsageError(f"{name}: is a folder; -r {verb} all {what} below it")
     return found
@@ -125,7 +128,7 @@ def with_stem(template: str, stem: str, option: str) -> str:
 
 def output_format(template: str | None, wanted: str | None, known: Mapping[str, Format]) -> Format:
     """The format to write: `wanted`, else by the suffix of `template`, else MCAP. Raises `UsageError` when they contradict."""
-    writable = {name: format_ for name, format_ in known.items() if format_.write_trajectory}
+    writable = {name: format_ for name, format_ in known.items() if format_.writable}
     by_suffix = None
     if template and not _is_folder(template) and template != PIPE:
         name = Path(template).name.lower()
@@ -148,14 +151,28 @@ def output_format(template: str | None, wanted: str | None, known: Mapping[str, 
 
 def folder_template(template: str | None, format_: Format) -> str:
     """The template with the default file name where it names none (None) or only a folder."""
-    name = "{stem}_{robot}" + format_.suffixes[0]
+    name = "{stem}_{robot}" + next(iter(format_.suffixes), "")
     if template is None:
         return name
+    if _is_output_folder(template, format_):
+        return template
     return str(Path(template) / name) if _is_folder(template) else template
 
 
 def _is_folder(template: str) -> bool:
     return template != PIPE and (template.endswith("/") or Path(template).is_dir())
+
+
+def _is_output_folder(path: str, format_: Format) -> bool:
+    """Whether a folder of this format, which is one, stands at `path`."""
+    return format_.recognises_folder is not None and Path(path).is_dir() and format_.recognises_folder(Path(path))
+
+
+def is_finished(clip: Clip) -> bool:
+    """Whether the clip's output is there, and so is complete."""
+    from retarget import formats
+
+    return Path(clip.output).is_file() or _is_output_folder(clip.output, formats.get(clip.format))
 
 
 def make(
@@ -167,6 +184,7 @@ def make(
     known: Mapping[str, Format],
     mapping: str,
     report: str | None,
+    rerun: str | None = None,
     **rest: Any,
 ) -> list[Clip]:
     """One clip for every input and robot, no two with one output. Raises `UsageError`."""
@@ -176,24 +194,31 @@ def make(
         for robot, profile in robots.items():
             values = {"stem": stem(path, suffixes), "robot": profile.name, "mapping": mapping, "format": format_.name}
             output = template if template == PIPE else fill(template, values)
-            page = _report_path(report, values) if report else ""
-            clips.append(Clip(path, output, robot, profile.name, format=format_.name, report=page, **rest))
+            page = _beside(report, values, ".html", ".htm") if report else ""
+            log = _beside(rerun, values, ".rrd") if rerun else ""
+            clips.append(Clip(path, output, robot, profile.name, format=format_.name, report=page, rerun=log, **rest))
     if template == PIPE and len(clips) > 1:
         raise UsageError(f"-o - takes one recording and one robot; found {len(clips)}")
     _refuse_shared(clips, "output", template)
     _refuse_shared(clips, "report", report or "")
+    _refuse_shared(clips, "rerun", rerun or "")
     return clips
 
 
 def check_outputs(clips: Sequence[Clip], template: str) -> None:
     """Raise `UsageError` unless every clip's files can be written: not there yet (or `overwrite`), folder there and writable."""
+    from retarget import formats
+
     probed: set[Path] = set()
     fixed = _fixed_folder(template)
     for clip in clips:
-        for path in (clip.output, clip.report):
+        for path in (clip.output, clip.report, clip.rerun):
             if path in ("", PIPE):
                 continue
-            _check_target(Path(path), overwrite=clip.overwrite)
+            if path == clip.output and (format_ := formats.get(clip.format)).write_folder is not None:
+                _check_folder_target(Path(path), format_, overwrite=clip.overwrite)
+            else:
+                _check_target(Path(path), overwrite=clip.overwrite)
             folder = Path(path).parent
             if folder not in probed:
                 probed.add(folder)
@@ -214,15 +239,11 @@ def check_single_files(paths: Sequence[str], inputs: Sequence[str], *, overwrite
 
 
 def write_whole(path: str | Path, data: bytes) -> None:
-    """Write `data` beside `path` and rename it into place: the file appears whole or not at all."""
-    target = Path(os.path.realpath(path))
-    part = target.with_name(f".retarget-{secrets.token_hex(6)}.part")
-    try:
-        part.write_bytes(data)
-        part.replace(target)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    """Write `data` to the file `path`, which appears whole or not at all. Raises `RetargetError` when it can't be, such as on a full disk."""
+    from retarget import formats
+
+    with formats.new_file(path) as stream:
+        stream.write(data)
 
 
 def _listed(source: str, *, nul: bool) -> list[str]:
@@ -260,17 +281,26 @@ def _similar(path: Path) -> str:
     return f"; did you mean {' or '.join(str(path.with_name(name)) for name in near)}?" if near else ""
 
 
-def _below(folder: str, suffixes: tuple[str, ...], what: str, *, own: Sequence[Format], bags: bool) -> list[str]:
-    """Files below `folder` with one of `suffixes`, and folders that are recordings. own: formats of which outputs of ours don't count."""
+def _below(
+    folder: str, suffixes: tuple[str, ...], what: str, *, own: Sequence[Format], bags: bool, folders: bool
+) -> list[str]:
+    """Files below `folder` with one of `suffixes`, and folders that are recordings (`bags`) or of a format (`folders`), but nothing inside them.
+
+    own: formats of which outputs of ours don't count.
+    """
     from retarget import formats
 
     found = []
-    for base, folders, names in os.walk(folder):
-        folders.sort()
-        if bags and "metadata.yaml" in names and formats.is_bag_folder(Path(base)):
-            found.append(base)
-            folders.clear()
-            continue
+    for base, inner, names in os.walk(folder):
+        inner.sort()
+        whole = [
+            name
+            for name in inner
+            if (bags and formats.is_bag_folder(Path(base) / name))
+            or (folders and formats.folder_format(Path(base) / name))
+        ]
+        found += [str(Path(base) / name) for name in whole]
+        inner[:] = [name for name in inner if name not in whole]
         paths = [Path(base) / name for name in sorted(names) if name.lower().endswith(suffixes)]
         found += [str(path) for path in paths if not any(_is_output(path, format_) for format_ in own)]
     if not found:
@@ -301,10 +331,11 @@ def _parse(template: str) -> Iterator[tuple[str, str | None]]:
         yield literal, name
 
 
-def _report_path(report: str, values: Mapping[str, str]) -> str:
-    if report.lower().endswith((".html", ".htm")):
-        return report
-    return str(Path(report) / fill("{stem}_{robot}.html", values))
+def _beside(path: str, values: Mapping[str, str], *suffixes: str) -> str:
+    """The file that `path` names by ending with one of `suffixes`, else one of the clip's own name in the folder `path`."""
+    if path.lower().endswith(suffixes):
+        return path
+    return str(Path(path) / fill("{stem}_{robot}" + suffixes[0], values))
 
 
 def _refuse_shared(clips: Sequence[Clip], kind: str, template: str) -> None:
@@ -341,6 +372,17 @@ def _check_target(path: Path, *, overwrite: bool) -> None:
         return
     if path.exists() and not path.is_file():
         raise UsageError(f"{path}: not a regular file; -o - writes to stdout")
+    if not overwrite:
+        raise UsageError(f"{path}: exists; --force replaces it, --skip-existing leaves it")
+
+
+def _check_folder_target(path: Path, format_: Format, *, overwrite: bool) -> None:
+    if not os.path.lexists(path):
+        return
+    if not path.is_dir():
+        raise UsageError(f"{path}: is a file; {format_.name} is a folder")
+    if not _is_output_folder(str(path), format_):
+        raise UsageError(f"{path}: is a folder that is no {format_.name}, so it is never replaced; give another name")
     if not overwrite:
         raise UsageError(f"{path}: exists; --force replaces it, --skip-existing leaves it")
 

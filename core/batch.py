@@ -11,6 +11,8 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
@@ -22,6 +24,8 @@ from retarget.core.errors import RetargetError, UsageError
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
+PARENT_GONE_GRACE_S = 2.0
+"""How long a worker may take to clean up after its parent has died."""
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -162,6 +166,21 @@ _worker_interrupts = _WorkerInterrupts()
 
 def _prepare_worker() -> None:
     _worker_interrupts.install()
+    threading.Thread(target=_leave_with_parent, name="leave-with-parent", daemon=True).start()
+
+
+def _leave_with_parent() -> None:
+    """End this worker when its parent is gone: killed, it can't stop the pool, whose workers would finish the queue and then wait forever.
+
+    The item at work is interrupted first, so that it can clean up.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+    parent.join()
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(PARENT_GONE_GRACE_S)
+    os._exit(1)
 
 
 @contextlib.contextmanager

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, BinaryIO
 
-from retarget.core.errors import FormatError, InvalidDataError, UnknownNameError, UsageError
+from retarget.core.errors import FormatError, InvalidDataError, RetargetError, UnknownNameError, UsageError
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
+from retarget.formats import _folders
 from retarget.formats._describe import motion_facts, trajectory_facts
+from retarget.formats._files import new_file
 from retarget.formats._input import Input, opened
 from retarget.formats._output import write_trajectory, write_trajectory_stream
 from retarget.formats._registry import available, detect, get, names
@@ -28,9 +31,11 @@ __all__ = [
     "available",
     "describe",
     "detect",
+    "folder_format",
     "get",
     "is_bag_folder",
     "names",
+    "new_file",
     "read_any",
     "read_motion",
     "read_recording",
@@ -67,6 +72,8 @@ def read_trajectory(
     Pickle is refused. Raises `UnknownNameError` for a style that the format doesn't read.
     """
     options = options or TrajectoryOptions()
+    if (folder := _folder(source, format)) is not None:
+        return _read_folder(*folder, name, options)
     with opened(source, name, format, "read_trajectory") as (stream, shown, found):
         if found.read_trajectory is None:
             raise UsageError(
@@ -165,6 +172,8 @@ def describe(
     source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
 ) -> Mapping[str, Any]:
     """JSON-able facts of a file, for `retarget info`; arguments and errors as those of `read_trackers`."""
+    if (folder := _folder(source, format)) is not None:
+        return trajectory_facts(folder[1].name, _read_folder(*folder, name, TrajectoryOptions()))
     # Where formats share a suffix and none knows the file: trajectories were written here and are known, tracker logs come from anywhere.
     with opened(source, name, format, "read_trackers") as (stream, shown, found):
         try:
@@ -183,6 +192,34 @@ def describe(
     raise UsageError(f"{shown}: {found.name} can only be written")
 
 
+def folder_format(path: str | Path) -> Format | None:
+    """The format of trajectories that the folder `path` is of; None where it is of none, or no folder."""
+    return _folders.format_of(path)
+
+
+def _folder(source: Input, format: str | None) -> tuple[Path, Format] | None:
+    """The folder and its format where `source` is the folder of a format that is one, or is said to be by the format named."""
+    found = get(format) if format else _folders.format_of(source)
+    if found is None or found.read_folder is None:
+        return None
+    if not isinstance(source, str | Path):
+        raise UsageError(f"{found.name} is a folder, which can't be read from a pipe")
+    if not Path(source).is_dir() or (found.recognises_folder and not found.recognises_folder(Path(source))):
+        raise UsageError(f"{source}: is no folder of format {found.name}")
+    return Path(source), found
+
+
+def _read_folder(path: Path, found: Format, name: str | None, options: TrajectoryOptions) -> JointTrajectory:
+    shown = name or str(path)
+    assert found.read_folder is not None
+    try:
+        return found.read_folder(path, shown, options)
+    except InvalidDataError as error:
+        raise FormatError(shown, str(error)) from error
+    except OSError as error:
+        raise RetargetError(f"{shown}: can't be read: {(error.strerror or str(error)).lower()}") from error
+
+
 def _content(format_: Format) -> str:
     """What files of a format hold, in words."""
     if format_.read_motion is not None:
@@ -193,9 +230,11 @@ def _content(format_: Format) -> str:
 
 
 def _readers(kind: str) -> str:
-    recordings = kind in ("motion", "trackers")
+    recordings, folders = kind in ("motion", "trackers"), kind == "trajectory"
     return ", ".join(
         f.name
         for f in available().values()
-        if getattr(f, f"read_{kind}") is not None or (recordings and f.read_recording is not None)
+        if getattr(f, f"read_{kind}") is not None
+        or (recordings and f.read_recording is not None)
+        or (folders and f.read_folder is not None)
     )

@@ -33,7 +33,7 @@ class Layout:
     template: bytearray = field(default_factory=bytearray)
     slots: dict[str, tuple[np.dtype[Any], int]] = field(default_factory=dict)
     origin: int = 0
-    """Where alignment counts from: after the encapsulation of the message being laid out."""
+    """Where alignment counts from: after the encapsulation of the message being laid out. Negative for a layout that continues a message."""
 
     def raw(self, data: bytes) -> None:
         """Append constant bytes, unaligned."""
@@ -46,6 +46,10 @@ class Layout:
             self._align(np.dtype(dtype).itemsize)
         self.slots[name] = (kind, len(self.template))
         self.template += bytes(kind.itemsize)
+
+    def continued(self) -> Layout:
+        """An empty layout for what follows this one in the same message, aligned as there."""
+        return Layout(origin=self.origin - len(self.template))
 
     def begin_message(self) -> None:
         """Append the encapsulation; alignment counts from here on."""
@@ -127,14 +131,39 @@ def joint_state(
     layout.sequence(f"{slot}effort", "<f8", efforts)
 
 
-def transform(layout: Layout, parent: str, child: str, *, slot: str = "") -> None:
-    """tf2_msgs/msg/TFMessage of one transform parent ← child: slots sec, nanosec, translation (3), rotation (4, **xyzw**)."""
+def transforms(layout: Layout, edges: Sequence[tuple[str, str]], *, slot: str = "") -> None:
+    """tf2_msgs/msg/TFMessage of a transform parent ← child for each of `edges`.
+
+    Slots of the i-th: i.sec, i.nanosec, i.translation (3), i.rotation (4, **xyzw**), each prefixed by `slot`.
+    """
     layout.begin_message()
-    layout.count(1)
-    _header(layout, parent, slot)
-    layout.string(child)
-    layout.variable(f"{slot}translation", "<f8", (3,))
-    layout.variable(f"{slot}rotation", "<f8", (4,))
+    layout.count(len(edges))
+    for index, (parent, child) in enumerate(edges):
+        _header(layout, parent, f"{slot}{index}.")
+        layout.string(child)
+        layout.variable(f"{slot}{index}.translation", "<f8", (3,))
+        layout.variable(f"{slot}{index}.rotation", "<f8", (4,))
+
+
+def joint_trajectory_head(layout: Layout, names: Sequence[str], points: int) -> None:
+    """trajectory_msgs/msg/JointTrajectory up to its points, which follow: stamp 0 and no frame, all constant."""
+    layout.begin_message()
+    layout.raw(bytes(8))
+    layout.string("")
+    layout.count(len(names))
+    for name in names:
+        layout.string(name)
+    layout.count(points)
+
+
+def joint_trajectory_point(layout: Layout, joints: int) -> None:
+    """trajectory_msgs/msg/JointTrajectoryPoint within a message: slots positions, velocities, sec, nanosec (time from start)."""
+    layout.sequence("positions", "<f8", joints)
+    layout.sequence("velocities", "<f8", joints)
+    layout.count(0)  # accelerations
+    layout.count(0)  # effort
+    layout.variable("sec", "<i4")
+    layout.variable("nanosec", "<u4")
 
 
 def twist(layout: Layout, frame_id: str, *, slot: str = "") -> None:

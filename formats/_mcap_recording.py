@@ -14,11 +14,13 @@ from retarget.core.types import Array, JointTrajectory
 from retarget.formats import _cdr, _mcap_reader, _trajectory
 from retarget.formats._ros_messages import (
     JOINT_STATE,
+    JOINT_TRAJECTORY,
     TF_MESSAGE,
     JointStates,
     Stamps,
     Transforms,
     deserialize,
+    joint_trajectory,
     stamps_of,
 )
 
@@ -35,6 +37,7 @@ class Recording:
         self.name = name
         self.warnings: list[str] = []
         self.joints: dict[str, JointStates] = {}
+        self.plans: dict[str, list[memoryview]] = {}
         self.moving = Transforms(name, "/tf")
         self.still = Transforms(name, "/tf_static")
         self.twists: list[tuple[Stamps, Array, Array]] = []
@@ -54,6 +57,8 @@ class Recording:
             return
         if item.message_type == JOINT_STATE:
             self.joints.setdefault(item.topic, JointStates(self.name, item.topic)).add(item.payloads, item.log_times)
+        elif item.message_type == JOINT_TRAJECTORY:
+            self.plans.setdefault(item.topic, []).extend(item.payloads)
         elif item.message_type == TF_MESSAGE and item.topic in ("/tf", "/tf_static"):
             (self.moving if item.topic == "/tf" else self.still).add(item.payloads)
         elif (item.topic, item.message_type) == ("/robot_description", STRING):
@@ -69,8 +74,8 @@ class Recording:
 
     def trajectory(self) -> JointTrajectory:
         """Everything put together. Raises `FormatError` when it doesn't make a trajectory."""
-        joints = self._joint_states()
-        stamps, position, velocity = self._in_time_order(*joints.collected())
+        names, stamps, log_times, position, velocity = self._joints()
+        stamps, position, velocity = self._in_time_order(stamps, log_times, position, velocity)
         own = bool(self.meta)
         if own:
             _trajectory.check_schema(self.name, self.meta.get("schema", ""))
@@ -94,7 +99,7 @@ class Recording:
             self.name,
             self.warnings,
             time=time,
-            joint_names=joints.names,
+            joint_names=names,
             position=position,
             velocity=velocity,
             base_position=base_position,
@@ -115,6 +120,15 @@ class Recording:
             self.warnings.append(f"/base_twist not used: its frame is not '{WORLD}'")
         else:
             self.twists.append((stamps_of(rows), rows["linear"].astype(float), rows["angular"].astype(float)))
+
+    def _joints(self) -> tuple[tuple[str, ...], Stamps, Stamps, Array, Array]:
+        """Joint names, stamps, log times, positions and velocities: of joint states, else of a joint trajectory."""
+        if not self.joints and len(self.plans) == 1:
+            ((topic, payloads),) = self.plans.items()
+            names, stamps, position, velocity = joint_trajectory(self.name, topic, payloads)
+            return names, stamps, stamps, position, velocity
+        joints = self._joint_states()
+        return joints.names, *joints.collected()
 
     def _joint_states(self) -> JointStates:
         if not self.joints:

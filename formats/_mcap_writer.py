@@ -24,13 +24,30 @@ _RECORD_HEAD = struct.Struct("<BQ")
 _FOOTER_HEAD = struct.Struct("<BQQQ")
 
 
+_FOREVER = "{sec: 9223372036, nsec: 854775807}"
+_LATCHED = (
+    "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, avoid_ros_namespace_conventions: false, "
+    f"deadline: {_FOREVER}, lifespan: {_FOREVER}, liveliness_lease_duration: {_FOREVER}}}"
+)
+"""Keep the last one, reliable, transient local, automatic: the numbers are rmw's (rmw/types.h)."""
+
+
 @dataclass(frozen=True)
 class Topic:
-    """A channel to be written: its topic, ROS message type and that type's definition text. Its id is its place, from 1."""
+    """A channel to be written: its topic, ROS message type and that type's definition text. Its id is its place, from 1.
+
+    latched: whether it is kept for whoever subscribes later (durability transient local): `ros2 bag play` offers it so.
+    """
 
     topic: str
     message_type: str
     definition: str
+    latched: bool = False
+
+    @property
+    def qos(self) -> str:
+        """The publisher's quality of service as rosbag2 notes it, YAML; "" = the default."""
+        return _LATCHED if self.latched else ""
 
 
 @contextmanager
@@ -59,6 +76,7 @@ class McapFile:
         from zstandard import ZstdCompressor
 
         self._compressor = ZstdCompressor(level=1)
+        self.topics = tuple(topics)
         self._stream = stream
         self._offset = 0
         self._crc = 0
@@ -68,7 +86,13 @@ class McapFile:
         ]
         ids = {schema.name: schema.id for schema in self._schemas}
         self._channels = [
-            Channel(id=i, topic=topic.topic, message_encoding="cdr", metadata={}, schema_id=ids[topic.message_type])
+            Channel(
+                id=i,
+                topic=topic.topic,
+                message_encoding="cdr",
+                metadata={"offered_qos_profiles": topic.qos} if topic.latched else {},
+                schema_id=ids[topic.message_type],
+            )
             for i, topic in enumerate(topics, 1)
         ]
         self._chunk_indexes: list[Any] = []
@@ -131,6 +155,14 @@ class McapFile:
         )
         self._first_time = first if self._first_time is None else min(first, self._first_time)
         self._last_time = max(last, self._last_time)
+
+    def message_counts(self) -> list[int]:
+        """Messages written so far, for each of `topics`."""
+        return [self._counts[i] for i in range(1, len(self.topics) + 1)]
+
+    def time_range(self) -> tuple[int, int]:
+        """First and last log time so far in ns, 0 twice without messages."""
+        return self._first_time or 0, self._last_time
 
     def finish(self) -> None:
         """Write the summary section, its checksum, the footer and the closing magic."""

@@ -1,24 +1,18 @@
-"""Writes outputs beside their final place and renames them: a file that exists is finished."""
+"""Writes trajectories to files, folders and streams; what exists is finished."""
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import io
 import os
-import secrets
 import stat
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, cast
 
-from retarget.core.errors import RetargetError, UnknownNameError, UsageError, nearest
-from retarget.core.types import JointTrajectory
-from retarget.formats import _registry, _trajectory
-from retarget.formats.base import Format, TrajectoryWriter
-
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+from retarget.core.errors import UnknownNameError, UsageError, nearest
+from retarget.core.types import HumanMotion, JointTrajectory
+from retarget.formats import _files, _folders, _registry, _trajectory
+from retarget.formats.base import Format
 
 
 def write_trajectory(
@@ -27,46 +21,56 @@ def write_trajectory(
     *,
     format: str | None = None,
     style: str | None = None,
+    motion: HumanMotion | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write `trajectory` to the file `path`, in the format named or the one of its suffix, in one of that format's styles.
+    """Write `trajectory` to `path`, in the format named or the one of its suffix, in one of that format's styles.
 
-    The file appears whole or not at all; a link is followed and stays. On any error, and when interrupted, nothing is left
-    behind and a file that was there is kept.
+    motion: the person it was made from, frame for frame; formats that can't show a person beside the robot leave it out.
+    The file, or folder of a format that is one, appears whole or not at all; a link to a file is followed and stays. On any error, and
+    when interrupted, nothing is left behind and what was there is kept.
     Raises `UsageError` when the file exists (unless `overwrite`), its folder is missing or can't be written to, or the path is
     a directory or device; `UnknownNameError` for an unknown format, suffix or style; `RetargetError` when the disk is full.
     """
     target = Path(os.path.realpath(path))
     chosen = _registry.get(format) if format else _of_output(path)
-    writer, style = _writer(chosen, style)
+    style = _style(chosen, style)
     _trajectory.check_texts(trajectory)
+    if chosen.write_folder is not None:
+        with _folders.placed(path, target, chosen, overwrite) as folder:
+            chosen.write_folder(folder, trajectory, style, motion)
+        return
     _check_target(path, target, overwrite)
-    with _placed(path, target) as stream:
-        writer(stream, trajectory, style)
-        # Raises here if another process made the file meanwhile, before anything of it is lost.
-        _check_target(path, target, overwrite)
+    with _files.placed(path, target, lambda: _check_target(path, target, overwrite)) as stream:
+        _write(chosen, stream, trajectory, style, motion)
 
 
 def write_trajectory_stream(
-    stream: BinaryIO, trajectory: JointTrajectory, format: str = "mcap", *, style: str | None = None
+    stream: BinaryIO,
+    trajectory: JointTrajectory,
+    format: str = "mcap",
+    *,
+    style: str | None = None,
+    motion: HumanMotion | None = None,
 ) -> None:
     """Write `trajectory` to an open binary stream that need not seek, such as stdout; the stream is flushed, not closed.
 
+    motion: as in `write_trajectory`.
     Raises `UsageError` for a format that can't be piped. `BrokenPipeError` is passed on: only the caller knows what it means.
     """
     chosen = _registry.get(format)
-    writer, style = _writer(chosen, style)
+    style = _style(chosen, style)
     if not chosen.pipeable:
         raise UsageError(f"{chosen.name} can't be written to a pipe; write it to a file with -o FILE")
     _trajectory.check_texts(trajectory)
     out = cast(BinaryIO, _Whole(stream)) if isinstance(stream, io.RawIOBase) else stream
     try:
-        writer(out, trajectory, style)
+        _write(chosen, out, trajectory, style, motion)
         out.flush()
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise _refusal("output stream", error) from error
+        raise _files.refusal("output stream", error) from error
 
 
 class _Whole:
@@ -93,7 +97,7 @@ def _of_output(path: str | Path) -> Format:
     found = _registry.of_suffix(path)
     if found is not None:
         return found
-    suffixes = {s for f in _registry.available().values() if f.write_trajectory for s in f.suffixes}
+    suffixes = {s for f in _registry.available().values() if f.writable for s in f.suffixes}
     suffix = Path(path).suffix
     if suffix:
         raise UnknownNameError("output suffix", suffix, suffixes, where=str(path))
@@ -102,14 +106,25 @@ def _of_output(path: str | Path) -> Format:
     )
 
 
-def _writer(chosen: Format, style: str | None) -> tuple[TrajectoryWriter, str]:
-    if chosen.write_trajectory is None:
-        writable = sorted(name for name, f in _registry.available().items() if f.write_trajectory)
+def _style(chosen: Format, style: str | None) -> str:
+    """The style to write, the format's default for None; raises where format or style can't be written."""
+    if not chosen.writable:
+        writable = sorted(name for name, f in _registry.available().items() if f.writable)
         raise UsageError(f"{chosen.name} can't be written; choose from {', '.join(writable)}")
     style = chosen.styles[0] if style is None else style
     if style not in chosen.styles:
         raise UnknownNameError(f"{chosen.name} style", style, chosen.styles)
-    return chosen.write_trajectory, style
+    return style
+
+
+def _write(
+    chosen: Format, stream: BinaryIO, trajectory: JointTrajectory, style: str, motion: HumanMotion | None
+) -> None:
+    if motion is not None and chosen.write_with_motion is not None:
+        chosen.write_with_motion(stream, trajectory, style, motion)
+    else:
+        assert chosen.write_trajectory is not None
+        chosen.write_trajectory(stream, trajectory, style)
 
 
 def _check_target(path: str | Path, target: Path, overwrite: bool) -> None:
@@ -120,7 +135,7 @@ def _check_target(path: str | Path, target: Path, overwrite: bool) -> None:
             raise UsageError(f"{path}: there is no folder {target.parent}{_near_folder(target.parent)}") from None
         return
     except (OSError, ValueError) as error:
-        raise _refusal(path, error) from None
+        raise _files.refusal(path, error) from None
     if stat.S_ISDIR(mode):
         raise UsageError(f"{path}: is a directory; expected a file name")
     if not stat.S_ISREG(mode):
@@ -135,48 +150,3 @@ def _near_folder(folder: Path) -> str:
     except OSError:
         return ""
     return f"; did you mean {folder.parent / near[0]}?" if near else ""
-
-
-@contextmanager
-def _placed(path: str | Path, target: Path) -> Iterator[BinaryIO]:
-    """A stream to a new file beside `target`, renamed to it when the body ends well and removed otherwise."""
-    # A short name of its own: one derived from the target's could be too long for the file system.
-    part = target.parent / f".retarget-{secrets.token_hex(6)}.part"
-    try:
-        stream = part.open("x+b")
-    except OSError as error:
-        raise _refusal(path, error) from None
-    try:
-        try:
-            with stream:
-                yield cast(BinaryIO, stream)
-                stream.flush()
-                # Without this a full disk or a lost network share may show only after the rename.
-                os.fsync(stream.fileno())
-            part.replace(target)
-        except OSError as error:
-            raise _refusal(path, error) from error
-    except BaseException:
-        with contextlib.suppress(OSError):
-            part.unlink()
-        raise
-
-
-def _refusal(path: object, error: OSError | ValueError) -> RetargetError:
-    """One line for what the file system said: a usage error where another path or permission would help."""
-    if not isinstance(error, OSError):
-        return UsageError(f"{path}: {error}")
-    reason = (error.strerror or str(error)).lower()
-    if error.errno in _FULL:
-        return RetargetError(f"{path}: can't be written: {reason}")
-    if error.errno in (
-        errno.EACCES,
-        errno.EPERM,
-        errno.EROFS,
-        errno.ENAMETOOLONG,
-        errno.ENOTDIR,
-        errno.ENOENT,
-        errno.ELOOP,
-    ):
-        return UsageError(f"{path}: can't be written: {reason}")
-    return RetargetError(f"{path}: can't be written: {reason}")

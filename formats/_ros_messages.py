@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from retarget.core.errors import FormatError
 from retarget.core.types import Array
-from retarget.formats._cdr import Layout, Rows, joint_state, transform
+from retarget.formats._cdr import Layout, Rows, joint_state, transforms
 
 Stamps = NDArray[np.int64]
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
+_MOST_IN_BULK = 512
+JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 
 
 @lru_cache(maxsize=1)
@@ -129,19 +131,22 @@ class Transforms:
         self.file, self.topic = file, topic
         self.edges: dict[str, dict[str, list[tuple[Stamps, Array]]]] = {}
         self._count = 0
-        self._layout: tuple[Layout, str, str] | None = None
+        self._layout: tuple[Layout, list[tuple[str, str]]] | None = None
 
     def add(self, payloads: Sequence[memoryview]) -> None:
         """Append messages."""
         if self._layout is None:
             first = self._decode(payloads[0], self._count).transforms
-            parent, child = (first[0].header.frame_id, first[0].child_frame_id) if len(first) == 1 else ("", "")
-            self._layout = Layout(), parent, child
-            transform(self._layout[0], parent, child)
-        layout, parent, child = self._layout
+            # Beyond some number of slots a layout costs more than it saves; one without transforms matches no message that has any.
+            edges = [(item.header.frame_id, item.child_frame_id) for item in first]
+            self._layout = Layout(), edges if len(edges) <= _MOST_IN_BULK else []
+            transforms(*self._layout)
+        layout, edges = self._layout
         rows = layout.match(payloads)
         if rows is not None:
-            self._append(parent, child, stamps_of(rows), np.hstack([rows["translation"], rows["rotation"]]))
+            for i, (parent, child) in enumerate(edges):
+                pose = np.hstack([rows[f"{i}.translation"], rows[f"{i}.rotation"]])
+                self._append(parent, child, stamps_of(rows, f"{i}."), pose)
         else:
             self._add_singly(payloads)
         self._count += len(payloads)
@@ -172,3 +177,29 @@ class Transforms:
 
     def _decode(self, payload: memoryview, index: int) -> Any:
         return deserialize(self.file, f"topic {self.topic}, message {index}", payload, TF_MESSAGE)
+
+
+def joint_trajectory(
+    name: str, topic: str, payloads: Sequence[memoryview]
+) -> tuple[tuple[str, ...], Stamps, Array, Array]:
+    """Joint names, stamps (T,) ns, positions and velocities (T, n), NaN where there are none, of a topic's only JointTrajectory.
+
+    Raises `FormatError` when there are several, and for points without a position for each joint.
+    """
+    place = f"topic {topic}"
+    if len(payloads) != 1:
+        raise FormatError(name, f"{len(payloads)} joint trajectories", place=place, expected="one")
+    message = deserialize(name, place, payloads[0], JOINT_TRAJECTORY)
+    joints, count = tuple(message.joint_names), len(message.joint_names)
+    if not message.points:
+        raise FormatError(name, "a joint trajectory without points", place=place)
+    for i, point in enumerate(message.points):
+        if len(point.positions) != count or len(point.velocities) not in (0, count):
+            sizes = f"{len(point.positions)} positions and {len(point.velocities)} velocities"
+            raise FormatError(name, sizes, place=f"{place}, point {i}", expected=f"one for each of {count} joints")
+    unknown = np.full(count, np.nan)
+    stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+    after = [p.time_from_start.sec * 1_000_000_000 + p.time_from_start.nanosec for p in message.points]
+    velocity = [point.velocities if len(point.velocities) else unknown for point in message.points]
+    position = np.array([point.positions for point in message.points], float)
+    return joints, stamp + np.array(after, np.int64), position, np.array(velocity, float)

@@ -90,6 +90,9 @@ TrackerReader = Callable[[BinaryIO, str, TrackerOptions], TrackerRecording]
 RecordingReader = Callable[[BinaryIO, str, TrackerOptions], HumanMotion | TrackerRecording | None]
 TrackerDescriber = Callable[[BinaryIO, str, TrackerOptions], Mapping[str, Any]]
 TrajectoryWriter = Callable[[BinaryIO, JointTrajectory, str], None]
+SceneWriter = Callable[[BinaryIO, JointTrajectory, str, HumanMotion], None]
+FolderWriter = Callable[[Path, JointTrajectory, str, HumanMotion | None], None]
+FolderReader = Callable[[Path, str, TrajectoryOptions], JointTrajectory]
 Describer = Callable[[BinaryIO, str], Mapping[str, Any]]
 
 
@@ -107,6 +110,9 @@ class Format:
     read_recording: the same arguments → a motion or trackers, for formats that hold either; None = the file is a robot's.
     describe_trackers: as `describe`, for formats with `read_trackers` or `read_recording`.
     write_trajectory: (binary stream, trajectory, style) → nothing.
+    write_with_motion: the same, with the person's motion, for formats that can show both.
+    recognises_folder: whether a folder is of this format, of formats that are folders; those have `read_folder` (folder, display name,
+    options) and `write_folder` (empty folder, trajectory, style, motion or None) in place of the functions of streams.
     describe: (binary stream, display name) → facts for `retarget info`, cheaper than a full read; None = from a full read.
     pipeable: whether it can be written to and read from a stream that can't seek.
     styles: names accepted as `style` by `write_trajectory`, the default first.
@@ -123,9 +129,18 @@ class Format:
     read_trackers: TrackerReader | None = None
     read_recording: RecordingReader | None = None
     write_trajectory: TrajectoryWriter | None = None
+    write_with_motion: SceneWriter | None = None
+    recognises_folder: Callable[[Path], bool] | None = None
+    read_folder: FolderReader | None = None
+    write_folder: FolderWriter | None = None
     describe_trackers: TrackerDescriber | None = None
     describe: Describer | None = None
     is_own_output: Callable[[bytes], bool] | None = None
     pipeable: bool = False
     styles: tuple[str, ...] = field(default=("default",))
     read_styles: tuple[str, ...] = field(default=("default",))
+
+    @property
+    def writable(self) -> bool:
+        """Whether trajectories can be written in it."""
+        return self.write_trajectory is not None or self.write_folder is not None

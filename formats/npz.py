@@ -17,9 +17,19 @@ objects would need pickle, which is never written nor read.
 A file of others without `joint_names` is only read with names that are given: BeyondMimic's `csv_to_npz.py` names none, and its columns
 stand in Isaac Sim's order (breadth first), not in the URDF's. Of several bodies the first is the base, as in BeyondMimic.
 
-Also read: an archive of the arrays that GMR (General Motion Retargeting) pickles, `fps root_pos root_rot dof_pos`: `root_rot` (T, 4) is
-**xyzw**, as GMR's own scripts save it and its viewer expects it; some copies of it save wxyz, for which the order can be given. Names, where
-`joint_names` or `dof_names` holds none, must be given: URDF order. GMR's `local_body_pos` and `link_body_list` are not needed and not loaded.
+Style `gmr`, which is read without being named, too: the arrays that GMR (General Motion Retargeting) pickles.
+
+| key | shape | holds |
+|---|---|---|
+| `fps` | () | mean frame rate in Hz, 0 for a single frame |
+| `root_pos` | (T, 3) | m, world; the origin with a fixed base |
+| `root_rot` | (T, 4) | world ← base link, **xyzw**, as GMR's own scripts save it and its viewer expects it |
+| `dof_pos` | (T, n) | rad, in the order of `joint_names` |
+| `time`, `joint_names` | (T,), (n,) | ours: s, and the names, in the robot's own order (that of its URDF) |
+
+It loses velocities, twist, status, names of robot and base frame, provenance and URDF; `np.load(path)` takes the place of `pickle.load`.
+Some copies of GMR save wxyz, for which the order can be given in reading. Names, where `joint_names` or `dof_names` holds none, must be
+given: URDF order. GMR's `local_body_pos` and `link_body_list`, which it leaves empty, are not written, not needed and not loaded.
 
 An archive needs to seek: no pipes.
 """
@@ -40,17 +50,32 @@ from retarget.formats import _headerless, _trajectory
 from retarget.formats.base import Format, TrajectoryOptions
 
 Arrays = Mapping[str, NDArray[Any]]
+_XYZW = [1, 2, 3, 0]
 NOT_NEEDED = ("local_body_pos", "link_body_list")
 """GMR's own extras, often None: an array of objects, which would need pickle."""
 
 
-def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str = "default") -> None:
-    """Write `trajectory` as uncompressed NPZ. Raises `RetargetError` for provenance that JSON can't hold."""
-    frames, time = trajectory.frames, trajectory.time
-    position, quaternion = trajectory.base_position, trajectory.base_orientation
-    fixed = position is None or quaternion is None
-    if position is None or quaternion is None:
-        position, quaternion = np.zeros((frames, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1))
+GMR = "gmr"
+"""Style of `write_trajectory` with the keys of GMR's motion files."""
+
+
+def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, style: str = "default") -> None:
+    """Write `trajectory` as uncompressed NPZ, style "default" or "gmr". Raises `RetargetError` for provenance that JSON can't hold."""
+    time = trajectory.time
+    fixed = trajectory.base_position is None
+    position, quaternion = _base(trajectory)
+    if style == GMR:
+        np.savez(
+            stream,
+            allow_pickle=False,
+            fps=np.array(trajectory.rate_hz),
+            root_pos=position,
+            root_rot=quaternion[:, _XYZW],
+            dof_pos=trajectory.position,
+            time=time,
+            joint_names=np.array(trajectory.joint_names, str),
+        )
+        return
     linear, angular = trajectory.base_linear_velocity, trajectory.base_angular_velocity
     known = [linear is not None, angular is not None]
     # Frames a hair apart may overflow here; what is not known is not read back either.
@@ -78,6 +103,13 @@ def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, _style: str 
         provenance=np.array(_trajectory.provenance_json(trajectory)),
         robot_description=np.array(trajectory.robot_description.encode()),
     )
+
+
+def _base(trajectory: JointTrajectory) -> tuple[Array, Array]:
+    """Pose of the base, (T, 3) m and (T, 4) wxyz; at the origin where it is fixed."""
+    if trajectory.base_position is None or trajectory.base_orientation is None:
+        return np.zeros((trajectory.frames, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (trajectory.frames, 1))
+    return trajectory.base_position, trajectory.base_orientation
 
 
 def read_trajectory(stream: BinaryIO, name: str, options: TrajectoryOptions | None = None) -> JointTrajectory:
@@ -237,9 +269,10 @@ def _time(name: str, arrays: Arrays, frames: int, options: TrajectoryOptions) ->
 
 FORMAT = Format(
     name="npz",
-    description="NumPy archive with the keys of BeyondMimic's motion files; GMR's are read, too",
+    description="NumPy archive with the keys of BeyondMimic's motion files; style gmr: those of GMR's",
     suffixes=(".npz",),
     magic=(b"PK\x03\x04", b"PK\x05\x06"),
     read_trajectory=read_trajectory,
     write_trajectory=write_trajectory,
+    styles=("default", GMR),
 )

@@ -19,7 +19,7 @@ from mcap.records import Chunk, Message, MessageIndex
 from mcap.stream_reader import StreamReader, breakup_chunk
 from retarget.core.errors import FormatError, RetargetError
 from retarget.core.types import JointTrajectory
-from retarget.formats import _cdr, mcap
+from retarget.formats import _cdr, _trajectory, mcap
 from retarget.formats._ros_messages import typestore
 from rosbags.highlevel import AnyReader
 
@@ -228,9 +228,13 @@ class TestCdr:
             ),
             (
                 "tf2_msgs/msg/TFMessage",
-                types["tf2_msgs/msg/TFMessage"]([stamped]),
-                lambda layout: _cdr.transform(layout, frame_id, "child"),
-                stamp | {"translation": vectors[0], "rotation": rotation},
+                types["tf2_msgs/msg/TFMessage"]([stamped, stamped, stamped]),
+                lambda layout: _cdr.transforms(layout, [(frame_id, "child")] * 3),
+                {
+                    f"{i}.{slot}": value
+                    for i in range(3)
+                    for slot, value in (stamp | {"translation": vectors[0], "rotation": rotation}).items()
+                },
             ),
             (
                 "geometry_msgs/msg/TwistStamped",
@@ -344,7 +348,7 @@ class TestDamage:
             decode(b"GIF89a  " + bytes(100))
 
     def test_newer_schema_is_refused(self, make_trajectory: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(mcap._trajectory, "SCHEMA", "retarget.trajectory/2")
+        monkeypatch.setattr(_trajectory, "SCHEMA", "retarget.trajectory/2")
         data = encode(make_trajectory())
         monkeypatch.undo()
         with pytest.raises(

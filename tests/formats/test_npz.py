@@ -173,3 +173,17 @@ def test_truncated_anywhere(path: Path) -> None:
     for size in range(1, len(data), 11):
         with pytest.raises(FormatError, match="not a readable NPZ archive"):
             read(io.BytesIO(data[:size]))
+
+
+def test_gmr_style_holds_what_its_viewer_takes(make_trajectory: Maker, tmp_path: Path) -> None:
+    """Keys, shapes and the order x y z w of the dictionary that GMR pickles; names and times beside it."""
+    trajectory = make_trajectory(frames=40, joints=5, rate_hz=50.0)
+    formats.write_trajectory(tmp_path / "walk.npz", trajectory, style="gmr")
+    with np.load(tmp_path / "walk.npz", allow_pickle=False) as motion:
+        assert set(motion.files) == {"fps", "root_pos", "root_rot", "dof_pos", "time", "joint_names"}
+        assert float(motion["fps"]) == pytest.approx(50.0)
+        np.testing.assert_array_equal(motion["root_pos"], trajectory.base_position)
+        np.testing.assert_array_equal(motion["root_rot"][:, 3], trajectory.base_orientation[:, 0])
+        np.testing.assert_array_equal(motion["root_rot"][:, :3], trajectory.base_orientation[:, 1:])
+        np.testing.assert_array_equal(motion["dof_pos"], trajectory.position)
+        assert tuple(motion["joint_names"]) == trajectory.joint_names

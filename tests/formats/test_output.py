@@ -7,6 +7,7 @@ import io
 import os
 import resource
 import shutil
+import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -175,7 +176,6 @@ def test_interrupted_write_leaves_nothing(
 ) -> None:
     def broken(stream: io.BytesIO, *_: object) -> None:
         stream.write(b"half")
-        assert len(list(tmp_path.iterdir())) == 2
         raise failure
 
     _only(monkeypatch, broken)
@@ -263,3 +263,99 @@ def test_closed_pipe_is_passed_on(make_trajectory: Maker) -> None:
     with pytest.raises(BrokenPipeError):
         formats.write_trajectory_stream(stream, make_trajectory(frames=5000))
     stream.raw.close()
+
+
+FOLDERS = [name for name, f in formats.available().items() if f.write_folder]
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_a_folder_is_replaced_only_by_its_own_kind(tmp_path: Path, make_trajectory: Maker, name: str) -> None:
+    if name == "lerobot":
+        pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    path = tmp_path / "out"
+    formats.write_trajectory(path, make_trajectory(), format=name)
+    with pytest.raises(UsageError, match="exists already"):
+        formats.write_trajectory(path, make_trajectory(), format=name)
+    (path / "junk").touch()
+    formats.write_trajectory(path, make_trajectory(joints=2), format=name, overwrite=True)
+    assert len(formats.read_trajectory(path).joint_names) == 2
+    assert not (path / "junk").exists()
+    assert list(tmp_path.iterdir()) == [path]
+    for file in path.rglob("*"):
+        if file.is_file():
+            file.unlink()
+    (path / "precious").touch()
+    with pytest.raises(UsageError, match=f"is a folder that is no {name}, so it is never replaced"):
+        formats.write_trajectory(path, make_trajectory(), format=name, overwrite=True)
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match=f"is a file; {name} is a folder"):
+        formats.write_trajectory(tmp_path / "file", make_trajectory(), format=name, overwrite=True)
+    with pytest.raises(UsageError, match="there is no folder"):
+        formats.write_trajectory(tmp_path / "none" / "out", make_trajectory(), format=name)
+
+
+@pytest.fixture(scope="module")
+def tiny_disk() -> Iterator[Path]:
+    """A file system of 256 kB."""
+    if os.geteuid() != 0 or shutil.which("mount") is None:
+        pytest.skip("only root can mount a small disk")
+    folder = Path(tempfile.mkdtemp())
+    command = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(folder)]
+    if subprocess.run(command, capture_output=True, check=False).returncode:
+        folder.rmdir()
+        pytest.skip("this machine lets nobody mount a small disk")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+    folder.rmdir()
+
+
+@pytest.mark.parametrize("name", [*WRITABLE, *FOLDERS])
+def test_a_disk_that_is_full_keeps_what_was_there(tiny_disk: Path, make_trajectory: Maker, name: str) -> None:
+    if name == "lerobot":
+        pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    path = tiny_disk / "walk"
+    formats.write_trajectory(path, make_trajectory(frames=30), format=name)
+    with pytest.raises(RetargetError, match=r"walk: can't be written: no space left on device$"):
+        formats.write_trajectory(path, make_trajectory(frames=4000, joints=29), format=name, overwrite=True)
+    assert list(tiny_disk.iterdir()) == [path]
+    assert formats.read_trajectory(path, format=name).frames == 30
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def test_where_files_need_a_name_the_part_is_removed(
+    tmp_path: Path, trajectory: JointTrajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on network file systems: nameless files are refused, and everything works all the same."""
+    real = os.open
+
+    def refuse(path: object, flags: int, *rest: int, **more: int) -> int:
+        if flags & os.O_TMPFILE == os.O_TMPFILE:
+            raise OSError(errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
+        return real(path, flags, *rest, **more)  # type: ignore[call-overload,no-any-return]  # passed on as it came
+
+    monkeypatch.setattr(os, "open", refuse)
+    formats.write_trajectory(tmp_path / "walk.mcap", trajectory)
+    assert list(tmp_path.iterdir()) == [tmp_path / "walk.mcap"]
+
+    def broken(*_: object) -> None:
+        assert len(list(tmp_path.iterdir())) == 2
+        raise KeyboardInterrupt
+
+    _only(monkeypatch, broken)
+    with pytest.raises(KeyboardInterrupt):
+        formats.write_trajectory(tmp_path / "walk.slow", trajectory)
+    assert list(tmp_path.iterdir()) == [tmp_path / "walk.mcap"]
+
+
+def test_an_unfinished_file_has_no_name(
+    tmp_path: Path, trajectory: JointTrajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So a process that is killed while it writes leaves nothing."""
+    seen = []
+    _only(
+        monkeypatch, lambda stream, *_: (stream.write(b"half"), stream.flush(), seen.append(list(tmp_path.iterdir())))
+    )
+    formats.write_trajectory(tmp_path / "walk.slow", trajectory)
+    if not Path("/proc/self/fd").is_dir():
+        pytest.skip("nameless files need /proc")
+    assert seen == [[]]

@@ -37,7 +37,7 @@ def test_every_format_is_called_as_its_module_and_who_shares_a_suffix_knows_its_
     assert all(name == format_.name for name, format_ in found.items())
     suffixes = [suffix for format_ in found.values() for suffix in format_.suffixes]
     assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in suffixes)
-    functions = ("read_motion", "read_trajectory", "read_trackers", "read_recording", "write_trajectory")
+    functions = ("read_motion", "read_trajectory", "read_trackers", "read_recording", "writable")
     assert all(any(getattr(f, function) for function in functions) for f in found.values())
     for suffix in {suffix for suffix in suffixes if suffixes.count(suffix) > 1}:
         sharing = [f for f in found.values() if suffix in f.suffixes]
