@@ -1,4 +1,4 @@
-"""Mesh, picture and height files that an MJCF names, of which some are missing: the robot is read all the same."""
+"""Mesh and picture files that an MJCF names, of which some may be missing: the robot is read all the same."""
 
 from __future__ import annotations
 
@@ -46,6 +46,7 @@ def replace_missing(spec: Any, files: Mapping[str, Path | None]) -> tuple[str, s
         if _weighs(spec, geom):
             return str(geom.parent.name), missing[geom.meshname].name
         geom.mass = 0.0
+        geom.type = mujoco.mjtGeom.mjGEOM_MESH  # not a box or capsule fitted around the stand-in: it is told as missing
     return None
 
 

@@ -284,9 +284,10 @@ def test_mesh_files_stand_where_mujoco_puts_their_vertices(asset: str, tmp_path:
         assert np.linalg.norm(expected - vertex, axis=1).min() < 1e-6  # MuJoCo keeps vertices as float32
 
 
-def test_a_missing_mesh_is_left_out_with_a_warning(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["mesh", "capsule"])
+def test_a_missing_mesh_is_left_out_with_a_warning(kind: str, tmp_path: Path) -> None:
     text = arm(
-        more='<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="gone"/>',
+        more='<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>' + f'<geom type="{kind}" mesh="gone"/>',
         sections='<asset><mesh file="gone.stl"/></asset>',
     )
     robot = built(tmp_path, text)
