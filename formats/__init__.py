@@ -204,7 +204,7 @@ def _folder(source: Input, format: str | None) -> tuple[Path, Format] | None:
         return None
     if not isinstance(source, str | Path):
         raise UsageError(f"{found.name} is a folder, which can't be read from a pipe")
-    if not Path(source).is_dir() or (found.recognises_folder and not found.recognises_folder(Path(source))):
+    if not _folders.is_folder(source) or (found.recognises_folder and not found.recognises_folder(Path(source))):
         raise UsageError(f"{source}: is no folder of format {found.name}")
     return Path(source), found
 

@@ -16,10 +16,18 @@ from retarget.formats.base import Format
 
 def format_of(path: object) -> Format | None:
     """The format that the folder `path` is of; None where it is of none, or no folder."""
-    if not isinstance(path, str | Path) or not Path(path).is_dir():
+    if not isinstance(path, str | Path) or not is_folder(path):
         return None
     formats = _registry.available().values()
     return next((f for f in formats if f.recognises_folder is not None and f.recognises_folder(Path(path))), None)
+
+
+def is_folder(path: str | Path) -> bool:
+    """Whether there is a folder at `path`; not for names that are none, where pathlib raises (too long, a NUL)."""
+    try:
+        return Path(path).is_dir()
+    except (OSError, ValueError):
+        return False
 
 
 @contextmanager
