@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from retarget import formats
@@ -126,6 +126,10 @@ def through(name: str, trajectory: JointTrajectory) -> JointTrajectory:
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(trajectory=trajectories())
 def test_any_trajectory_comes_back(name: str, trajectory: JointTrajectory) -> None:
+    if "velocity" in LOST.get(name, set()):
+        base = [] if trajectory.base_position is None else [trajectory.base_position]
+        # Rates that are worked out again from steps of a microsecond must be numbers.
+        assume(all(np.abs(values).max() < 1e300 for values in (trajectory.position, *base)))
     check_same(name, trajectory, through(name, trajectory))
 
 
