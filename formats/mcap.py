@@ -11,7 +11,7 @@
 | `/joint_trajectory` | trajectory_msgs/msg/JointTrajectory | style `joint_trajectory` only: all frames in one message, for a trajectory controller: positions and velocities, time from start 0 in the first, stamp 0 (begin when received) |
 
 Joints stand in the robot's own order (that of its URDF), named in every message. The person's frames are the identity, all axes along the
-world's, in T-pose facing +X. `retarget convert` writes them unless told `--no-human`; readers of the trajectory don't need them.
+world's, in T-pose facing +X. `retarget convert --human` writes them; readers of the trajectory don't need them.
 
 Names, robot, kind of base and provenance stand in a metadata record named `retarget`. Time 0 of the trajectory is stamp 0, so the
 same trajectory always gives the same bytes. Stamps are whole nanoseconds: times come back within 0.5 ns, everything else bit for bit.

@@ -25,7 +25,7 @@ def test_a_bag_is_made_replaced_skipped_and_described(run: Run, walk: Path, tmp_
     assert result.exit_code == 2
     assert "bag: exists; --force replaces it, --skip-existing leaves it" in result.stderr
     assert "bag: exists, skipped" in run(*arguments, "--skip-existing").stderr
-    assert run(*arguments, "--force", "--no-human").exit_code == 0
+    assert run(*arguments, "--force", "--human").exit_code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "walk.mcap", "walk.mvnx"]
     record = json.loads(run("info", "bag", "--json").stdout)
     assert (record["format"], record["frames"]) == ("rosbag2", 30)
@@ -48,7 +48,7 @@ def test_the_default_name_of_a_folder_and_others_folders_are_safe(run: Run, walk
 
 @pytest.mark.parametrize("human", [True, False])
 def test_person_and_robot_in_one_mcap(run: Run, walk: Path, tmp_path: Path, human: bool) -> None:
-    arguments = () if human else ("--no-human",)
+    arguments = ("--human",) if human else ()
     assert run("convert", walk, "--robot", "g1", "-o", "walk.mcap", *arguments).exit_code == 0
     motion = formats.read_motion(walk)
     with AnyReader([tmp_path / "walk.mcap"]) as reader:
