@@ -124,7 +124,7 @@ def facts(profile: RobotProfile) -> dict[str, Any]:
     model = _model(profile)
     source = profile.model
     # Of the package's own files only the name: documents are made of this, on whatever machine.
-    own = source.path and Path(source.path).parent == Path(profiles.__file__).parent
+    own = source.path and Path(source.path).resolve().parent == Path(profiles.__file__).resolve().parent
     file = f"retarget: robots/{Path(source.path).name}" if own else source.path
     where = {"package": f"{source.package}: {source.path}", "file": file, "human": "built from the recording"}
     return {
