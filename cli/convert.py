@@ -94,7 +94,9 @@ if TYPE_CHECKING:
     help="Solver code, the same results: compiled takes 15 s the first time; auto takes it for long clips.",
 )
 @click.option(
-    "--human", is_flag=True, help="Write the person's frames along, for Foxglove and RViz: mcap, rosbag2; twice the size."
+    "--human",
+    is_flag=True,
+    help="Write the person's frames along, for Foxglove and RViz: mcap, rosbag2; twice the size.",
 )
 @click.option(
     "--rerun", metavar="DIR|FILE.rrd", help="Also write a Rerun recording of person, targets, robot and errors."

@@ -158,22 +158,21 @@ def _recording(
 
 
 def _refuse_ros_options(name: str, found: Format, options: TrackerOptions) -> None:
-    given = {
-        "frames": options.frames is not None,
-        "clock": options.clock is not None,
-        "msg-def": bool(options.msg_defs),
-    }
-    if any(given.values()):
-        option = next(option for option, is_given in given.items() if is_given)
-        raise UsageError(f"{name}: --{option} is for ROS recordings, not for {found.name}")
+    if options.of_ros:
+        raise UsageError(f"{name}: --{options.of_ros[0]} is for ROS recordings, not for {found.name}")
 
 
 def describe(
     source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
 ) -> Mapping[str, Any]:
     """JSON-able facts of a file, for `retarget info`; arguments and errors as those of `read_trackers`."""
-    if (folder := _folder(source, format)) is not None:
-        return trajectory_facts(folder[1].name, _read_folder(*folder, name, TrajectoryOptions()))
+    folder = _folder(source, format)
+    if folder is not None and (options is None or not options.of_ros):
+        try:
+            return trajectory_facts(folder[1].name, _read_folder(*folder, name, TrajectoryOptions()))
+        except FormatError:
+            if format or not is_bag_folder(folder[0]):
+                raise  # else a bag without a robot in it: a person's, or nobody's
     # Where formats share a suffix and none knows the file: trajectories were written here and are known, tracker logs come from anywhere.
     with opened(source, name, format, "read_trackers") as (stream, shown, found):
         try:

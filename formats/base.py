@@ -49,6 +49,12 @@ class TrackerOptions:
         _check_choice("clock", self.clock, ("header", "log"))
         _check_rate(self.rate_hz)
 
+    @property
+    def of_ros(self) -> tuple[str, ...]:
+        """Names of the given options that only ROS recordings take."""
+        given = {"frames": self.frames is not None, "clock": self.clock is not None, "msg-def": bool(self.msg_defs)}
+        return tuple(name for name, is_given in given.items() if is_given)
+
 
 @dataclass(frozen=True)
 class TrajectoryOptions:

@@ -238,9 +238,12 @@ def test_inputs_from_a_file_and_from_stdin(
 
 
 def test_folders_are_searched_with_r(run: Run, walk: Path, tmp_path: Path) -> None:
-    for name in ("in/b/two.mvnx", "in/a/one.mvnx.gz", "in/three.MVNX", "in/notes.txt", "in/old.mcap"):
+    for name in ("in/b/two.mvnx", "in/a/one.mvnx.gz", "in/three.MVNX", "in/notes.txt"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(walk, tmp_path / name)
+    assert (
+        run("convert", walk, "--robot", "g1", "-o", "in/old.mcap").exit_code == 0
+    )  # what was written here is no recording
     result = run("convert", "in", "-r", "--robot", "g1", "-n")
     assert [line.split(" → ")[0] for line in result.stdout.splitlines()] == [
         "in/three.MVNX",
