@@ -87,8 +87,12 @@ def orientation_errors(
     tasks = [task for task in targets.tasks if task.kind == "orientation"]
     links = [task.frame for task in tasks]
     rotation = (poses or _poses(model, trajectory, links)).rotations_of(links)
-    achieved = rotations.from_matrix(rotation)
-    return {t.segment or t.frame: np.degrees(rotations.angle(achieved[:, i], t.value)) for i, t in enumerate(tasks)}
+    errors = {}
+    for i, task in enumerate(tasks):
+        # ‖A - B‖ = 2√2 sin(θ/2) in the Frobenius norm: exact near 0, and no detour over quaternions.
+        apart = np.linalg.norm(rotation[:, i] - rotations.to_matrix(task.value), axis=(1, 2))
+        errors[task.segment or task.frame] = np.degrees(2.0 * np.arcsin(np.minimum(apart / np.sqrt(8.0), 1.0)))
+    return errors
 
 
 def position_errors(trajectory: JointTrajectory, model: RobotModel, targets: Targets) -> dict[str, Array]:

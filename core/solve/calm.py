@@ -74,8 +74,16 @@ def rush(problem: OrientationProblem, joints: Array, options: CalmOptions) -> Ar
     """
     if len(joints) < 2:
         return np.zeros(joints.shape)
-    steps = (np.diff(joints, axis=0) / np.diff(problem.time)[:, None] / problem.velocity) ** 4
-    at_frame = np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
-    speed = smooth(problem.time, at_frame, options.speed_window_s, ends="hold") ** 0.25
-    part = np.clip((speed - options.full_speed) / (1.0 - options.full_speed), 0.0, 1.0)
-    return np.asarray(part * part * (3.0 - 2.0 * part))
+    rushed = np.zeros(joints.shape)
+    ratio = np.diff(joints, axis=0)
+    ratio /= np.diff(problem.time)[:, None] * problem.velocity
+    which = np.flatnonzero(
+        np.maximum(ratio.max(axis=0), -ratio.min(axis=0)) > options.full_speed
+    )  # else no mean is above it
+    if len(which):
+        steps = ratio[:, which] ** 4
+        at_frame = np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
+        speed = smooth(problem.time, at_frame, options.speed_window_s, ends="hold") ** 0.25
+        part = np.clip((speed - options.full_speed) / (1.0 - options.full_speed), 0.0, 1.0)
+        rushed[:, which] = part * part * (3.0 - 2.0 * part)
+    return rushed
