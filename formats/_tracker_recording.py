@@ -11,7 +11,7 @@ marked, too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ from retarget.core import rotations
 from retarget.core.errors import FormatError
 from retarget.core.timebase import minimum_jerk
 from retarget.core.types import Array, BoolArray, Source, TrackerRecording
+from retarget.formats._path_length import sampled_path, steady_path
 from retarget.formats._tracker_faults import FROZEN_S, JUMP_M, UNIT_TOLERANCE, Cleaned, Samples, clean, usual_step
 from retarget.formats._tracker_frames import doubt_up, to_house
 from retarget.formats._tracker_roles import assign
@@ -296,7 +297,17 @@ def _facts(recording: TrackerRecording, cleaned: Sequence[Cleaned], log: Log) ->
         "bad_quaternions": sum(one.bad_quaternions for one in cleaned),
         "repeated_rows": sum(one.repeated_rows for one in cleaned),
         "jumps": sum(len(one.jump_times) for one in cleaned),
+        "path_m": _paths(recording, sampled_path),
+        "steady_path_m": _paths(recording, steady_path),
         "warnings": list(recording.source.warnings),
+    }
+
+
+def _paths(recording: TrackerRecording, length: Callable[[Array, Array, BoolArray], float]) -> dict[str, float]:
+    """Tracker → m, to the millimetre."""
+    return {
+        tracker: round(length(recording.time, recording.position[:, column], recording.tracked[:, column]), 3)
+        for column, tracker in enumerate(recording.trackers)
     }
 
 
