@@ -18,7 +18,7 @@ from retarget.core.segments import SEGMENTS
 from retarget.core.types import Array
 from retarget.formats._number_text import RowError, parse_rows
 
-MAX_RATE_HZ = 10_000.0
+MIN_RATE_HZ, MAX_RATE_HZ = 0.01, 10_000.0
 MAX_DEPTH = 100
 _PROP = re.compile(r"Prop ?\d*")
 
@@ -132,14 +132,14 @@ class HeaderReader:
         self._only_once("subject")
         self.header.configuration = one_line(attributes.get("configuration", ""))
         text = attributes.get("frameRate")
-        expected = f"a number of Hz above 0, at most {MAX_RATE_HZ:g}"
+        expected = f"a number of Hz from {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}"
         if text is None:
             raise self._error("<subject> has no frameRate", expected)
         try:
             rate = float(text)
         except ValueError:
             rate = math.nan
-        if not 0 < rate <= MAX_RATE_HZ:
+        if not MIN_RATE_HZ <= rate <= MAX_RATE_HZ:
             raise self._error(f"frameRate {one_line(text)!r}", expected)
         self.header.rate_hz = rate
 

@@ -79,10 +79,10 @@ WHOLE: list[tuple[str, Callable[[str], str | bytes], str]] = [
      "walk.mvnx: no frame of type 'normal'; expected a motion; found frames: 1 t 0, 1 t 1, 1 t 2, 1 t 3, 1 t 4, …"),
     ("no version, no reference", lambda text: re.sub(r"(?s)<frame time='0' type='identity'>.*?</frame>", "", text).replace(' version="4"', "", 1),
      "walk.mvnx: <mvnx> has no version; expected 3 or 4: they use different segment frames for the arms"),
-    ("no rate", lambda text: text.replace('frameRate="60" ', ""), "walk.mvnx, line 5: <subject> has no frameRate; expected a number of Hz above 0, at most 10000"),
+    ("no rate", lambda text: text.replace('frameRate="60" ', ""), "walk.mvnx, line 5: <subject> has no frameRate; expected a number of Hz from 0.01 to 10000"),
     *((f"rate {rate}", lambda text, rate=rate: text.replace('frameRate="60"', f'frameRate="{rate}"'),
-       f"walk.mvnx, line 5: frameRate '{rate}'; expected a number of Hz above 0, at most 10000")
-      for rate in ("0", "-60", "nan", "inf", "10001", "1e300", "sixty", "")),
+       f"walk.mvnx, line 5: frameRate '{rate}'; expected a number of Hz from 0.01 to 10000")
+      for rate in ("0", "-60", "nan", "inf", "10001", "1e300", "1e-320", "sixty", "")),
     ("line break in a rate", lambda text: text.replace('frameRate="60"', 'frameRate="6&#10;0"'), "walk.mvnx, line 5: frameRate '6 0'; expected a number"),
     ("line break in a label", lambda text: text.replace('label="L5"', 'label="L&#10;5"'), "unknown segment 'L 5'; expected"),
     ("unknown segment", lambda text: text.replace('label="RightForeArm"', 'label="RightForearms"'),
