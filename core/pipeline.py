@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from retarget.core import rotations, timebase
 from retarget.core.errors import MotionError, UnknownNameError, UsageError
+from retarget.core.joint_ranges import JointRanges
 from retarget.core.types import Array, HumanMotion, JointTrajectory, Targets
 
 if TYPE_CHECKING:
@@ -296,6 +297,7 @@ def _trajectory(
             "robot_model_sha256": model.sha256,
             "options": {**asdict(options), "base": base, "settings": dict(options.settings)},
             "solver": found.facts,
+            **JointRanges.of(model.joint_names, solution.joints).provenance(),
             **({} if motion.calibration is None else {"calibration_sha256": calibration_sha256(motion)}),
         },
         robot_description=model.urdf,

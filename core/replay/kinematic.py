@@ -6,6 +6,7 @@
 | does the robot stand in the world as it should? | `base_checks`: floor, feet, tilt, speed, quaternion order |
 | do links run into each other? | the collision function that is given |
 | does it do what the person did? | `recording_check`: the limbs' directions, where the recording is at hand |
+| does each joint do what was written for it? | `written_range_check`: its range, where the file keeps it |
 | are frames missing? | here: gaps in time, frames that the solver marked |
 
 Which limit each check has, and why, stands in `thresholds.KINEMATIC`.
@@ -22,6 +23,7 @@ from retarget.core.replay.joint_checks import check_joints
 from retarget.core.replay.match import matched
 from retarget.core.replay.recording_check import check_recording
 from retarget.core.replay.thresholds import KINEMATIC, Thresholds
+from retarget.core.replay.written_range_check import check_written_range
 from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array, Check, HumanMotion, JointTrajectory, ValidationReport
 
@@ -67,12 +69,14 @@ def check_numbers(
     limits = thresholds or Thresholds(MODE)
     trajectory = matched(trajectory, model)
     joints, series = check_joints(trajectory, model, limits)
+    written, written_series = check_written_range(trajectory, limits)
+    series |= {name: np.maximum(series[name], strip) for name, strip in written_series.items()}
     base, base_series = check_base(trajectory, model, limits)
     found = collide(trajectory) if collide else None
     touch, touch_series, pairs = _collisions(trajectory, limits, found)
     timing, timing_series = _timing(trajectory, limits)
     person, person_series = check_recording(trajectory, model, motion, limits)
-    by_name = {entry.name: entry for entry in (*joints, *touch, *base, *timing, *person)}
+    by_name = {entry.name: entry for entry in (*joints, *written, *touch, *base, *timing, *person)}
     return ValidationReport(
         subject=model.profile.name,
         checks=tuple(by_name[row.name] for row in KINEMATIC),

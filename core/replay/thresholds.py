@@ -58,6 +58,8 @@ KINEMATIC = (
     Threshold("jerk_rms_rad_s3", "rad/s³", 1500, "retargeted walking has 300 to 400; a tracker's noise that was not filtered has thousands"),
     Threshold("jerk_max_rad_s3", "rad/s³", None, "grows with the cube of the frame rate: only comparable between clips of one rate"),
     Threshold("joint_jump_max_rad", "rad", 0.3, "a step that stands out from the steps around it; at 30 Hz the fastest motions reach 0.2"),
+    Threshold("joints_off_written_range", "", 0, "a joint outside the range that its file says it was written with is another joint, or was changed "
+              "since"),
     Threshold("self_collision_depth_mm", "mm", 20, "collision shapes are convex hulls, thicker than the links by up to two centimetres"),
     Threshold("self_collision_percent", "%", None, "part of the frames in which links touch: how much of it is a touch that was meant "
               "(hands folded) only the author knows"),
