@@ -12,7 +12,7 @@ from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
 from retarget.cli.main import unexpected
 from retarget.cli.plan import PIPE, Clip
-from retarget.cli.tracker_logs import load_calibration, log_facts, log_options
+from retarget.cli.tracker_logs import LOG_RATE, load_calibration, log_facts, log_options
 from retarget.core.errors import UnknownNameError, UsageError
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     help="One QP a frame, or strict priorities; auto by the mapping.",
 )
 @click.option("--blend-hands", is_flag=True, help="Let the robot's hands meet when the operator's do (hand_position).")
-@log_options("--log-rate")
+@log_options(LOG_RATE)
 @click.option(
     "--base",
     type=click.Choice(["auto", "fixed", "human", "contact"]),

@@ -11,12 +11,15 @@ import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
 from retarget.cli.plan import PIPE
-from retarget.cli.tracker_logs import log_facts, log_options, tracker_options
+from retarget.cli.tracker_logs import LOG_RATE, log_facts, log_options, tracker_options
+
+LONGEST_TEXT = 240
+"""Characters of a table within a table, such as the range of each joint; --json has all of it."""
 
 
 @click.command(short_help="Say what is in a recording or a trajectory.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(allow_dash=True))
-@log_options("--log-rate")
+@log_options(LOG_RATE)
 @o.as_json("Print one JSON object per file and line on stdout.")
 @o.speech
 @click.pass_obj
@@ -69,6 +72,10 @@ def _readable(path: str, facts: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else f"{text[:LONGEST_TEXT]} …"
+
+
 def _lines(value: Any) -> list[str]:
     if isinstance(value, list) and value and all(isinstance(item, str) and " " not in item for item in value):
         return [f"{len(value)}: {' '.join(value)}"]
@@ -77,7 +84,7 @@ def _lines(value: Any) -> list[str]:
             "none"
         ]
     if isinstance(value, Mapping):
-        return [f"{key}: {item}" for key, item in value.items()] or ["none"]
+        return [f"{key}: {_cut(str(item))}" for key, item in value.items()] or ["none"]
     if isinstance(value, float):
         return [f"{value:g}"]
     return ["–" if value in (None, "") else str(value)]

@@ -9,7 +9,7 @@ import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
 from retarget.cli.plan import PIPE
-from retarget.cli.tracker_logs import log_facts, log_options
+from retarget.cli.tracker_logs import LOG_RATE, log_facts, log_options
 from retarget.core.errors import UsageError
 
 
@@ -21,7 +21,7 @@ from retarget.core.errors import UsageError
 @click.option(
     "--robot", type=o.ROBOT, help="Robot of a trajectory. [default: the file's own, or the one with its joints]"
 )
-@log_options("--log-rate")
+@log_options(LOG_RATE)
 @click.option("--force", is_flag=True, help="Replace pages that exist.")
 @o.as_json("Print one JSON object per file and line on stdout.")
 @o.speech

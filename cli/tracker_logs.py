@@ -19,8 +19,19 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-LOG_CHOICES = ("columns", "up", "log_rate_hz", "role", "roles_file", "frames", "clock", "msg_def")
-"""Arguments that `log_options` adds to a command."""
+LOG_RATE = "--log-rate"
+"""The rate of a tracker log, of commands whose --rate is another one."""
+LOG_CHOICES = {
+    "columns": "--columns",
+    "up": "--up",
+    "log_rate_hz": LOG_RATE,
+    "role": "--roles",
+    "roles_file": "--roles-file",
+    "frames": "--frames",
+    "clock": "--clock",
+    "msg_def": "--msg-def",
+}
+"""Arguments that `log_options` adds to a command, and what each is called there."""
 
 
 def log_options(*rate_names: str) -> Callable[[Command], Command]:

@@ -14,6 +14,7 @@ from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
 from retarget.cli.main import unexpected
 from retarget.cli.plan import PIPE
+from retarget.cli.tracker_logs import LOG_CHOICES, LOG_RATE, log_facts, log_options
 from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ GAINS = ("auto", "profile", "inertia")
     metavar="FILE.json",
     help="The operator of the recording, from retarget calibrate: tracker logs need it.",
 )
+@log_options(LOG_RATE)
 @click.option(
     "--gains",
     type=click.Choice(GAINS),
@@ -165,8 +167,11 @@ def _plan(
             raise UsageError(f"--video {video}: expected a file name ending in .mp4")
     if settings["recording"] == PIPE:
         raise UsageError("--recording takes a file; stdin is for a trajectory")
-    if settings["calibration"] and not settings["recording"]:
-        raise UsageError("--calibration is of the --recording; give it too")
+    if not settings["recording"]:
+        for name, option in {"calibration": "--calibration", **LOG_CHOICES}.items():
+            if settings[name]:
+                raise UsageError(f"{option} is of the --recording; give it too")
+    reader = log_facts(settings)
     if settings["robot"]:
         profiles.load(settings["robot"])
     texts = tuple(f"{name}={value}" for name, value in overrides)
@@ -187,6 +192,7 @@ def _plan(
                 overwrite=force,
                 view=view,
                 overrides=texts,
+                reader=reader,
                 **settings,
             )
         )

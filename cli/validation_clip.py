@@ -7,7 +7,7 @@ import secrets
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -33,7 +33,8 @@ class Job:
     """One trajectory to judge.
 
     input: path, or "-" for stdin. robot: name or profile path, None = the trajectory's own. overrides: "NAME=VALUE" of thresholds.
-    csv_style, joint_order, quaternion_order, rate_hz: what a file doesn't say of itself. recording, calibration: the person's motion, for pictures and the limbs' directions, and the operator a tracker log needs.
+    csv_style, joint_order, quaternion_order, rate_hz: what a file doesn't say of itself. recording, calibration: the person's motion, for pictures and the limbs' directions, and the operator a tracker log needs;
+    reader: what the recording doesn't say of itself (`tracker_logs`).
     video, log, page: paths, "" for none. wants_section: the page's content is to come back.
     """
 
@@ -51,6 +52,7 @@ class Job:
     rate_hz: float | None = None
     recording: str | None = None
     calibration: str | None = None
+    reader: Mapping[str, Any] = field(default_factory=dict)
     video: str = ""
     log: str = ""
     page: str = ""
@@ -94,7 +96,7 @@ def thresholds_of(mode: str, path: str | None, overrides: Sequence[str]) -> dict
 def validate_clip(job: Job) -> Done:
     """Read and judge `job`, write what it asks for. Raises `RetargetError` when it can't be judged."""
     started = time.perf_counter()
-    motion = read_calibrated(job.recording, job.calibration, {}) if job.recording else None
+    motion = read_calibrated(job.recording, job.calibration, job.reader) if job.recording else None
     trajectory, model, warnings = _read(job, motion)
     limits = thresholds_of(job.mode, job.thresholds_file, job.overrides)
     try:

@@ -293,6 +293,7 @@ def _trajectory(
         provenance={
             "input_sha256": motion.source.sha256,
             "input_format": motion.source.format,
+            **({"reader_options": dict(motion.source.options)} if motion.source.options else {}),
             "retarget_version": retarget_version(),
             "robot_model_sha256": model.sha256,
             "options": {**asdict(options), "base": base, "settings": dict(options.settings)},

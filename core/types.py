@@ -39,7 +39,8 @@ TaskKind = Literal["orientation", "position", "axis"]
 class Source:
     """Where a motion came from. Holds no person's name and no path.
 
-    `rate_hz` is the recording's own rate; `sha256` that of the input bytes, as read (compressed if it was).
+    `rate_hz` is the recording's own rate; `sha256` that of the input bytes, as read (compressed if it was); `options` what the reader was told
+    beside, JSON-able, files by their hash.
     """
 
     format: str
@@ -50,6 +51,7 @@ class Source:
     warnings: tuple[str, ...] = ()
     interpolated_frames: int = 0
     """Frames of which some value was missing or not finite and was interpolated."""
+    options: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True, eq=False)

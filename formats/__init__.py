@@ -18,6 +18,7 @@ from retarget.formats._describe import motion_facts, trajectory_facts
 from retarget.formats._files import new_file
 from retarget.formats._input import Input, opened
 from retarget.formats._output import write_trajectory, write_trajectory_stream
+from retarget.formats._reader_options import noted
 from retarget.formats._registry import available, detect, get, names
 from retarget.formats._replay_log import ReplayLog
 from retarget.formats._ros_source import is_folder as is_bag_folder
@@ -145,14 +146,15 @@ def _recording(
     options = options or TrackerOptions()
     try:
         if found.read_recording is not None:
-            return found.read_recording(stream, name, options)
+            recording = found.read_recording(stream, name, options)
+            return None if recording is None else noted(recording, options)
         _refuse_ros_options(name, found, options)
         if reader is None:
             return None
-        # Motions need no options.
-        arguments: tuple[Any, ...] = (stream, name) if reader is found.read_motion else (stream, name, options)
+        takes_options = reader is not found.read_motion
+        arguments: tuple[Any, ...] = (stream, name, options) if takes_options else (stream, name)
         result: HumanMotion | TrackerRecording = reader(*arguments)
-        return result
+        return noted(result, options) if takes_options else result
     except InvalidDataError as error:
         raise FormatError(name, str(error)) from error
 

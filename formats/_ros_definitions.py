@@ -45,7 +45,7 @@ class Definition:
             if text:
                 types = get_types_from_idl(text) if encoding == "ros2idl" else get_types_from_msg(text, self.full_name)
             else:
-                for path in _definition_files(msg_defs):
+                for path in definition_files(msg_defs):
                     # Files of one package refer to each other by bare names; a file that is alone is taken for the bag's package.
                     own = path.parent.parent.name if path.parent.name == "msg" else package
                     content = path.read_text(encoding="utf-8-sig")
@@ -67,7 +67,7 @@ class Definition:
                 file, f"{what} of {message_type} can't be read: {lines[0]}", place=f"topic {topic}"
             ) from error
         if not known:
-            have = sorted({path.stem for path in _definition_files(msg_defs)})
+            have = sorted({path.stem for path in definition_files(msg_defs)})
             near = nearest(self.name, have)
             hint = f"; --msg-def holds {', '.join(near or have[:5])}" if have else ""
             raise FormatError(
@@ -113,7 +113,8 @@ class Definition:
             ) from error
 
 
-def _definition_files(paths: Sequence[Path]) -> list[Path]:
+def definition_files(paths: Sequence[Path]) -> list[Path]:
+    """The `.msg` files that `paths`, files and folders, mean, sorted within each. Raises `UsageError` for what is not there, or too large."""
     found: list[Path] = []
     for path in paths:
         if path.is_dir():
