@@ -14,8 +14,8 @@ from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:
     from retarget.core.profile import RobotProfile
+    from retarget.core.report import ValidationReport
     from retarget.core.robot_model import RobotModel
-    from retarget.core.types import ValidationReport
 
 
 @click.group(short_help="List, show and check robots.")

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from retarget.cli.validation_page import Section
     from retarget.core.replay.model import ReplayModel
     from retarget.core.replay.thresholds import Thresholds
+    from retarget.core.report import ValidationReport
     from retarget.core.robot_model import RobotModel
-    from retarget.core.types import HumanMotion, JointTrajectory, ValidationReport
+    from retarget.core.types import HumanMotion, JointTrajectory
 
 Record = dict[str, Any]
 KEYS = ("name", "value", "unit", "limit", "passed", "note", "where", "time_s")

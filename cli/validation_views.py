@@ -15,8 +15,9 @@ from retarget.cli.validation_clip import Job, Record, replay_model
 from retarget.cli.validation_figures import Curves, strip_edges, worst_problem
 from retarget.cli.validation_page import Section, Shot
 from retarget.core.errors import UsageError
+from retarget.core.report import ValidationReport
 from retarget.core.stick_figure import human_figure
-from retarget.core.types import Array, HumanMotion, JointTrajectory, ValidationReport
+from retarget.core.types import Array, HumanMotion, JointTrajectory
 
 if TYPE_CHECKING:
     from retarget.core.replay.model import ReplayModel

@@ -12,9 +12,10 @@ from retarget.core import rotations
 from retarget.core.errors import ProfileError
 from retarget.core.kinematics import link_poses
 from retarget.core.profile import TposeException
+from retarget.core.report import Check, ValidationReport
 from retarget.core.robot_model import RobotModel
 from retarget.core.segments import LIMB_END, SEGMENTS
-from retarget.core.types import Array, Check, HumanMotion, Targets, ValidationReport
+from retarget.core.types import Array, HumanMotion, Targets
 
 LIMB_LIMIT_DEG = 1.0
 ORIENTATION_LIMIT_DEG = 5.0

@@ -14,8 +14,9 @@ import numpy as np
 from retarget.core import metrics, rotations
 from retarget.core.replay.signals import Signal, held, lasting, local_jumps, worst
 from retarget.core.replay.thresholds import Thresholds
+from retarget.core.report import Check
 from retarget.core.robot_model import RobotModel
-from retarget.core.types import Array, Check, JointTrajectory
+from retarget.core.types import Array, JointTrajectory
 
 FLIGHT_S = 0.6
 """A jump of 44 cm: people's flights are not longer."""

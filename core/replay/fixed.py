@@ -19,7 +19,8 @@ from retarget.core.replay.reference import Reference
 from retarget.core.replay.thresholds import Thresholds
 from retarget.core.replay.torque_law import CONTROL_RATE_HZ, controlled_model
 from retarget.core.replay.torque_loop import Signals, run
-from retarget.core.types import Array, BoolArray, Check, JointTrajectory, ValidationReport
+from retarget.core.report import Check, ValidationReport
+from retarget.core.types import Array, BoolArray, JointTrajectory
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ import numpy as np
 from retarget.core import metrics
 from retarget.core.replay.signals import Signal, held, local_jumps, worst
 from retarget.core.replay.thresholds import Thresholds
+from retarget.core.report import Check
 from retarget.core.robot_model import RobotModel
-from retarget.core.types import Array, BoolArray, Check, JointTrajectory
+from retarget.core.types import Array, BoolArray, JointTrajectory
 
 SINGLE_PRECISION = float(np.finfo(np.float32).eps)
 STILL_RAD_S = 1e-3

@@ -24,8 +24,9 @@ from retarget.core.replay.match import matched
 from retarget.core.replay.recording_check import check_recording
 from retarget.core.replay.thresholds import KINEMATIC, Thresholds
 from retarget.core.replay.written_range_check import check_written_range
+from retarget.core.report import Check, ValidationReport
 from retarget.core.robot_model import RobotModel
-from retarget.core.types import Array, Check, HumanMotion, JointTrajectory, ValidationReport
+from retarget.core.types import Array, HumanMotion, JointTrajectory
 
 if TYPE_CHECKING:
     from retarget.core.replay.collisions import SelfCollisions

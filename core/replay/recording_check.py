@@ -11,8 +11,9 @@ from retarget.core.kinematics import Poses
 from retarget.core.mapping.heading import without_heading
 from retarget.core.replay.signals import worst
 from retarget.core.replay.thresholds import Thresholds
+from retarget.core.report import Check
 from retarget.core.robot_model import RobotModel
-from retarget.core.types import Array, Check, HumanMotion, JointTrajectory
+from retarget.core.types import Array, HumanMotion, JointTrajectory
 
 NAME = "limb_direction_error_deg"
 SHARE_PERCENT = 95

@@ -25,7 +25,7 @@ from types import MappingProxyType
 from typing import Any
 
 from retarget.core.errors import ProfileError, UnknownNameError, UsageError
-from retarget.core.types import Check
+from retarget.core.report import Check
 
 NONE = "none"
 """What stands for "no limit" in files and on the command line."""

@@ -11,7 +11,8 @@ from retarget.core.joint_ranges import STEPS_A_UNIT, JointRanges
 from retarget.core.replay.joint_checks import position_rounding
 from retarget.core.replay.signals import worst
 from retarget.core.replay.thresholds import Thresholds
-from retarget.core.types import Array, BoolArray, Check, JointTrajectory
+from retarget.core.report import Check
+from retarget.core.types import Array, BoolArray, JointTrajectory
 
 NAME = "joints_off_written_range"
 BEYOND = 1.001

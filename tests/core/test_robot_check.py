@@ -23,9 +23,10 @@ from retarget.core.profile import (
     RobotProfile,
     TposeException,
 )
+from retarget.core.report import Check, ValidationReport
 from retarget.core.robot_check import check, tpose
 from retarget.core.robot_urdf import read_urdf
-from retarget.core.types import Check, HumanMotion, ValidationReport
+from retarget.core.types import HumanMotion
 
 G1 = robots.load("g1")
 

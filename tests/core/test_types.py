@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from retarget.core import field_checks, types
+from retarget.core import field_checks, report, types
 from retarget.core.errors import RetargetError
+from retarget.core.report import Check, ValidationReport
 from retarget.core.types import (
     FRAME_MARKED,
     Array,
-    Check,
     HumanMotion,
     InvalidDataError,
     JointTrajectory,
@@ -22,7 +22,6 @@ from retarget.core.types import (
     Targets,
     Task,
     TrackerRecording,
-    ValidationReport,
 )
 
 T = 4
@@ -457,8 +456,13 @@ def arrays_of(thing: Any) -> Iterator[tuple[str, Array]]:
 
 
 class TestFrozen:
-    def test_every_dataclass_of_the_module_is_frozen_and_in_this_test(self) -> None:
-        classes = {c for c in vars(types).values() if dataclasses.is_dataclass(c) and c.__module__ == types.__name__}
+    def test_every_dataclass_of_the_modules_is_frozen_and_in_this_test(self) -> None:
+        classes = {
+            c
+            for module in (types, report)
+            for c in vars(module).values()
+            if dataclasses.is_dataclass(c) and c.__module__ == module.__name__
+        }
         assert classes == {type(thing) for thing in all_types()}
         for thing in all_types():
             name = dataclasses.fields(thing)[0].name
@@ -473,7 +477,7 @@ class TestFrozen:
                 assert array.flags.c_contiguous, name
                 with pytest.raises(ValueError, match="read-only"):
                     array[...] = 0
-            for name in ("joint_offsets", "provenance", "series"):
+            for name in ("options", "joint_offsets", "provenance", "series"):
                 if hasattr(thing, name):
                     with pytest.raises(TypeError, match="does not support item assignment"):
                         getattr(thing, name)["new"] = 1
@@ -575,9 +579,9 @@ class TestWhoOwnsTheMemory:
         assert list(motion.joint_offsets) == ["T8"]
         assert motion.joint_offsets["T8"][0] == 0
         series = {"error": np.zeros(3)}
-        report = ValidationReport("walk", (), series)
+        found = ValidationReport("walk", (), series)
         series["error"][0] = 9
-        assert report.series["error"][0] == 0
+        assert found.series["error"][0] == 0
 
     def test_what_nobody_can_write_to_is_shared_not_copied(self) -> None:
         fields = motion_fields()
@@ -624,8 +628,8 @@ class TestReports:
         assert type(check.value) is float
 
     def test_checks_may_come_as_a_list(self) -> None:
-        report = ValidationReport("s", [Check("a", 1, "m", 2, True)])  # type: ignore[arg-type]
-        assert isinstance(report.checks, tuple)
+        found = ValidationReport("s", [Check("a", 1, "m", 2, True)])  # type: ignore[arg-type]
+        assert isinstance(found.checks, tuple)
 
 
 class TestTrackerRecording:

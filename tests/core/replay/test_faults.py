@@ -15,7 +15,8 @@ from retarget.core.errors import InvalidDataError
 from retarget.core.replay import kinematic
 from retarget.core.replay import model as replay_model
 from retarget.core.replay.thresholds import Thresholds
-from retarget.core.types import JointTrajectory, ValidationReport
+from retarget.core.report import ValidationReport
+from retarget.core.types import JointTrajectory
 
 Clip = Callable[..., tuple[JointTrajectory, Any]]
 A_STEP_S = (1.6, 2.6)

@@ -15,7 +15,8 @@ from retarget.core.replay.model import ReplayModel
 from retarget.core.replay.thresholds import Thresholds
 from retarget.core.replay.torque_law import InverseDynamics
 from retarget.core.replay.torque_loop import Signals
-from retarget.core.types import Array, JointTrajectory, ValidationReport
+from retarget.core.report import ValidationReport
+from retarget.core.types import Array, JointTrajectory
 from scipy.special import ellipk
 
 from tests.core.replay.plane_arms import FORE, GRAVITY, UPPER, arm, gravity_torque, moving, moving_torque

@@ -13,9 +13,10 @@ from retarget.core.pipeline import ConvertOptions, convert
 from retarget.core.replay.fixed import FixedOptions, replay
 from retarget.core.replay.gains import gains
 from retarget.core.replay.model import ReplayModel, build
+from retarget.core.report import ValidationReport
 from retarget.core.robot_model import RobotModel
 from retarget.core.timebase import cut
-from retarget.core.types import JointTrajectory, ValidationReport
+from retarget.core.types import JointTrajectory
 
 from tests.conftest import REPOSITORY
 

@@ -13,7 +13,8 @@ from retarget.core.joint_ranges import JointRanges
 from retarget.core.replay import kinematic
 from retarget.core.replay.thresholds import Thresholds
 from retarget.core.replay.written_range_check import NAME, check_written_range
-from retarget.core.types import Check, JointTrajectory
+from retarget.core.report import Check
+from retarget.core.types import JointTrajectory
 
 Walking = tuple[JointTrajectory, Any]
 LIMITS = Thresholds("kinematic")
