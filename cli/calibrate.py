@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, printable
+from retarget.cli.input_files import collect_inputs
 from retarget.cli.plan import PIPE
 from retarget.cli.tracker_logs import log_facts, log_options, read_recording
 from retarget.core.errors import MotionError, UsageError
@@ -46,12 +47,10 @@ PICTURES = (".png", ".svg")
     type=o.Vector(),
     help="From the hand's tracker to the hand point, in m. [default: -0.08,0,0; from a suit: 0,0,0]",
 )
-@click.option(
+@o.choice(
     "--hand-offset-frame",
-    type=click.Choice(["tracker", "hand"]),
-    default="tracker",
-    show_default=True,
-    help="Axes of --hand-offset: the tracker's own, or the hand's in T-pose (ahead, outward along the arm, up), for any mount.",
+    of=["tracker", "hand"],
+    text="Axes of --hand-offset: the tracker's own, or the hand's in T-pose (ahead, outward along the arm, up), for any mount.",
 )
 @click.option("--picture", metavar="FILE.png|FILE.svg", help="Also draw the calibrated person.")
 @click.option("--force", is_flag=True, help="Replace outputs that exist.")
@@ -84,7 +83,7 @@ def calibrate(
         raise UsageError(
             f"found {len(inputs)} inputs; expected one recording of all three poses, or three: Still, T and Forward"
         )
-    plan.collect_inputs(inputs, None, nul=False, recursive=False)
+    collect_inputs(inputs, None, nul=False, recursive=False)
     if output == PIPE and as_json:
         raise UsageError("-o - and --json both want stdout; choose one")
     if picture is not None and not picture.lower().endswith(PICTURES):

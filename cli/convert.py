@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
-from retarget.cli.main import unexpected
+from retarget.cli.input_files import collect_inputs
+from retarget.cli.main import tell_failure
 from retarget.cli.plan import PIPE, Clip
 from retarget.cli.tracker_logs import LOG_RATE, load_calibration, log_facts, log_options
 from retarget.core.errors import UnknownNameError, UsageError
@@ -41,12 +42,10 @@ if TYPE_CHECKING:
     "--style", metavar="NAME", help="Variant of the format: mcap and rosbag2 joint_trajectory, npz gmr, csv unitree."
 )
 @click.option("--csv-style", type=o.CSV_STYLE, help="Columns of CSV: header or unitree. [default: header]")
-@click.option(
+@o.choice(
     "--method",
-    type=click.Choice(["geometric", "telemanipulation"]),
-    default="geometric",
-    show_default=True,
-    help="geometric follows every measured segment's orientation; telemanipulation places the hands, the rest by strict priorities.",
+    of=["geometric", "telemanipulation"],
+    text="geometric follows every measured segment's orientation; telemanipulation places the hands, the rest by strict priorities.",
 )
 @click.option("--calibration", metavar="FILE.json", help="The operator, from retarget calibrate: tracker logs need it.")
 @click.option(
@@ -55,21 +54,17 @@ if TYPE_CHECKING:
     help="limb_plane or link_orientation; of hands: hand_position, proportional or absolute. [default: limb_plane, or "
     "hand_position for telemanipulation]",
 )
-@click.option(
+@o.choice(
     "--solver",
-    type=click.Choice(["auto", "dynamical", "hierarchical"]),
-    default="auto",
-    show_default=True,
-    help="One QP a frame, or strict priorities; auto by the mapping.",
+    of=["auto", "dynamical", "hierarchical"],
+    text="One QP a frame, or strict priorities; auto by the mapping.",
 )
 @click.option("--blend-hands", is_flag=True, help="Let the robot's hands meet when the operator's do (hand_position).")
 @log_options(LOG_RATE)
-@click.option(
+@o.choice(
     "--base",
-    type=click.Choice(["auto", "fixed", "human", "contact"]),
-    default="auto",
-    show_default=True,
-    help="Base motion: fixed, along the person's pelvis, or with the stance feet kept in place.",
+    of=["auto", "fixed", "human", "contact"],
+    text="Base motion: fixed, along the person's pelvis, or with the stance feet kept in place.",
 )
 @click.option(
     "--online", is_flag=True, help="One solver step a frame, as in a live loop, instead of converging each frame."
@@ -86,12 +81,10 @@ if TYPE_CHECKING:
     default=0.0,
     help="Average the result over ± this time, without lag; limits hold all the same. [default: none]",
 )
-@click.option(
+@o.choice(
     "--kernel",
-    type=click.Choice(["auto", "numpy", "compiled"]),
-    default="auto",
-    show_default=True,
-    help="Solver code, the same results: compiled takes 15 s the first time; auto takes it for long clips.",
+    of=["auto", "numpy", "compiled"],
+    text="Solver code, the same results: compiled takes 15 s the first time; auto takes it for long clips.",
 )
 @click.option(
     "--human",
@@ -102,13 +95,11 @@ if TYPE_CHECKING:
     "--rerun", metavar="DIR|FILE.rrd", help="Also write a Rerun recording of person, targets, robot and errors."
 )
 @click.option("--report", metavar="DIR|FILE.html", help="Also write an HTML page with plots.")
-@click.option("--files-from", metavar="FILE|-", help="Read more inputs from this file, one a line.")
-@click.option("-0", "--null", "nul", is_flag=True, help="--files-from is separated by NUL, not by lines.")
-@click.option("-r", "--recursive", is_flag=True, help="Take all recordings below folders.")
+@o.many_inputs("recordings")
 @click.option("--skip-existing", is_flag=True, help="Leave outputs that exist alone.")
 @click.option("--force", is_flag=True, help="Replace outputs that exist.")
 @click.option("-n", "--dry-run", is_flag=True, help="Check everything, print what would be done, do nothing.")
-@click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Clips at the same time.")
+@o.jobs
 @click.option("--shard", type=o.Shard(), help="Do only the I-th of N parts of the work (I from 1).")
 @o.as_json("Print one JSON object per clip and line on stdout.")
 @o.speech
@@ -208,7 +199,7 @@ def _plan(
 
         rerun_log.check_installed()
     chosen = {robot: profiles.load(robot) for robot in dict.fromkeys(robots)}
-    names = plan.collect_inputs(inputs, files_from, nul=nul, recursive=recursive, logs=calibration is not None)
+    names = collect_inputs(inputs, files_from, nul=nul, recursive=recursive, logs=calibration is not None)
     template = plan.folder_template(output, target)
     clips = plan.make(
         names,
@@ -273,10 +264,7 @@ def _tell(clip: Clip, outcome: Outcome[dict[str, Any]], count: str, as_json: boo
 
     record = outcome.value
     if record is None:
-        if console.debug and outcome.traceback:
-            click.echo(outcome.traceback, err=True, nl=False)
-        text = unexpected(outcome.error) if outcome.unexpected else outcome.error
-        console.error(count + (text if clip.input in text else f"{clip.input}: {text}"))
+        tell_failure(console, clip.input, outcome, count)
         record = failed_record(clip, outcome.error)
     else:
         console.note(count + printable(clip_line(record)))

@@ -10,6 +10,8 @@ from typing import Any
 import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
+from retarget.cli.input_files import collect_inputs
+from retarget.cli.main import tell_failure
 from retarget.cli.plan import PIPE
 from retarget.cli.tracker_logs import LOG_RATE, log_facts, log_options, tracker_options
 
@@ -26,7 +28,6 @@ LONGEST_TEXT = 240
 def info(console: Console, /, files: tuple[str, ...], as_json: bool, **choices: Any) -> None:
     """Say what is in each of FILES: format, rate, frames, segments or joints, gaps, warnings."""
     from retarget.cli.clip import without_nan
-    from retarget.cli.plan import collect_inputs
     from retarget.core import batch
 
     paths = collect_inputs(files, None, nul=False, recursive=False)
@@ -34,7 +35,7 @@ def info(console: Console, /, files: tuple[str, ...], as_json: bool, **choices: 
     for path, outcome in zip(paths, batch.run(lambda path: _describe(path, facts), paths), strict=True):
         codes.add(outcome.exit_code)
         if outcome.value is None:
-            _tell_failure(console, path, outcome)
+            tell_failure(console, path, outcome)
         elif as_json:
             click.echo(json.dumps(without_nan({"input": path, **outcome.value}), allow_nan=False))
         else:
@@ -50,15 +51,6 @@ def _describe(path: str, facts: Mapping[str, Any]) -> Mapping[str, Any]:
     if path == PIPE:
         return formats.describe(sys.stdin.buffer, "stdin", options=options)
     return formats.describe(path, options=options)
-
-
-def _tell_failure(console: Console, path: str, outcome: Any) -> None:
-    from retarget.cli.main import unexpected
-
-    if console.debug:
-        click.echo(outcome.traceback, err=True, nl=False)
-    text = unexpected(outcome.error) if outcome.unexpected else outcome.error
-    console.error(text if path in text else f"{path}: {text}")
 
 
 def _readable(path: str, facts: Mapping[str, Any]) -> str:

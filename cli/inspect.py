@@ -8,6 +8,8 @@ from typing import Any
 import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
+from retarget.cli.input_files import collect_inputs
+from retarget.cli.main import tell_failure
 from retarget.cli.plan import PIPE
 from retarget.cli.tracker_logs import LOG_RATE, log_facts, log_options
 from retarget.core.errors import UsageError
@@ -53,7 +55,7 @@ def inspect(
 
     if report and no_report:
         raise UsageError("--report and --no-report contradict each other")
-    paths = plan.collect_inputs(files, None, nul=False, recursive=False)
+    paths = collect_inputs(files, None, nul=False, recursive=False)
     pages = {} if no_report else _pages(paths, report, force)
     facts, codes = log_facts(choices), set()
 
@@ -70,7 +72,7 @@ def inspect(
     for path, outcome in zip(paths, batch.run(work, paths), strict=True):
         codes.add(outcome.exit_code)
         if outcome.value is None:
-            _tell_failure(console, path, outcome)
+            tell_failure(console, path, outcome)
             continue
         record = without_nan({**outcome.value, "page": pages.get(path)})
         if as_json:
@@ -101,12 +103,3 @@ def _readable(path: str, record: dict[str, Any]) -> str:
     from retarget.cli import inspection_text
 
     return "\n".join([printable(path), *map(printable, inspection_text.lines(record))])
-
-
-def _tell_failure(console: Console, path: str, outcome: Any) -> None:
-    from retarget.cli.main import unexpected
-
-    if console.debug:
-        click.echo(outcome.traceback, err=True, nl=False)
-    text = unexpected(outcome.error) if outcome.unexpected else outcome.error
-    console.error(text if path in text else f"{path}: {text}")

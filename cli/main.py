@@ -11,11 +11,14 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 from retarget.cli.console import Console, drop_closed_streams, printable
 from retarget.core.errors import RetargetError, UnknownNameError
+
+if TYPE_CHECKING:
+    from retarget.core.batch import Outcome
 
 COMMANDS = {
     "convert": "Turn recordings into robot joint trajectories.",
@@ -122,6 +125,14 @@ class LazyGroup(click.Group):
 def unexpected(text: str) -> str:
     """The line for a failure that is our fault, not the user's."""
     return f"internal error ({printable(text)}); run with --debug for the traceback"
+
+
+def tell_failure(console: Console, shown: str, outcome: Outcome[Any], count: str = "") -> None:
+    """Why the work on the input that messages call `shown` came to nothing, in one line on stderr that begins with `count`."""
+    if console.debug and outcome.traceback:
+        click.echo(outcome.traceback, err=True, nl=False)
+    text = unexpected(outcome.error) if outcome.unexpected else outcome.error
+    console.error(count + (text if shown in text else f"{shown}: {text}"))
 
 
 def _show_traceback(console: Console) -> None:

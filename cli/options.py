@@ -8,7 +8,7 @@ to be checked or completed, never for `--help`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -210,6 +210,34 @@ def speech(command: Command) -> Command:
     verbose = option("-v", "--verbose", attribute="verbose", text="More facts on stderr.")
     debug = option("--debug", attribute="debug", text="Show tracebacks of errors.")
     return quiet(verbose(debug(command)))
+
+
+def choice(*names: str, of: Sequence[str], text: str, default: str | None = None) -> Callable[[Command], Command]:
+    """Adds an option that takes one of `of`, the first unless `default` says another."""
+    return click.option(*names, type=click.Choice(of), default=default or of[0], show_default=True, help=text)
+
+
+def many_inputs(what: str) -> Callable[[Command], Command]:
+    """Adds --files-from, --null and --recursive, by which a command gets more inputs than its arguments name."""
+
+    def add(command: Command) -> Command:
+        for option in (
+            click.option("-r", "--recursive", is_flag=True, help=f"Take all {what} below folders."),
+            click.option("-0", "--null", "nul", is_flag=True, help="--files-from is separated by NUL, not by lines."),
+            click.option("--files-from", metavar="FILE|-", help="Read more inputs from this file, one a line."),
+        ):
+            command = option(command)
+        return command
+
+    return add
+
+
+def jobs(command: Command) -> Command:
+    """Adds --jobs."""
+    count = click.IntRange(min=1)
+    return click.option("-j", "--jobs", type=count, default=1, show_default=True, help="Clips at the same time.")(
+        command
+    )
 
 
 def as_json(text: str = "Print JSON on stdout.") -> Callable[[Command], Command]:

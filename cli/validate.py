@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from retarget.cli import options as o
 from retarget.cli.console import Console, leave, printable
-from retarget.cli.main import unexpected
+from retarget.cli.input_files import collect_inputs
+from retarget.cli.main import tell_failure
 from retarget.cli.plan import PIPE
 from retarget.cli.tracker_logs import LOG_CHOICES, LOG_RATE, log_facts, log_options
 from retarget.core.errors import UsageError
@@ -27,12 +28,11 @@ GAINS = ("auto", "profile", "inertia")
 
 @click.command(short_help="Replay trajectories in physics and give a verdict.")
 @click.argument("inputs", nargs=-1, type=click.Path(allow_dash=True))
-@click.option(
+@o.choice(
     "--mode",
-    type=click.Choice(MODES),
+    of=MODES,
+    text="kinematic: limits, jumps, collisions, feet, without dynamics. fixed: these, then torque control on a fixed base.",
     default="fixed",
-    show_default=True,
-    help="kinematic: limits, jumps, collisions, feet, without dynamics. fixed: these, then torque control on a fixed base.",
 )
 @click.option("--robot", type=o.ROBOT, help="Robot, or profile. [default: the trajectory's own]")
 @click.option("--thresholds", "thresholds_file", metavar="FILE.toml", help="Limits of the checks.")
@@ -62,12 +62,10 @@ GAINS = ("auto", "profile", "inertia")
     help="The operator of the recording, from retarget calibrate: tracker logs need it.",
 )
 @log_options(LOG_RATE)
-@click.option(
+@o.choice(
     "--gains",
-    type=click.Choice(GAINS),
-    default="auto",
-    show_default=True,
-    help="Gains of the torque control: the profile's, or from inertia.",
+    of=GAINS,
+    text="Gains of the torque control: the profile's, or from inertia.",
 )
 @click.option("--feed-forward", is_flag=True, help="Add the reference's inverse dynamics to the torque control.")
 @click.option("--self-collision", is_flag=True, help="Let links that meet push each other in the torque control.")
@@ -88,11 +86,9 @@ GAINS = ("auto", "profile", "inertia")
     help="Of the base, in files that don't say. [default: xyzw in headerless CSV and GMR's npz, wxyz in BeyondMimic's]",
 )
 @click.option("--rate", "rate_hz", type=o.Number("HZ", above=0), help="Frame rate of files without times.")
-@click.option("--files-from", metavar="FILE|-", help="Read more inputs from this file, one a line.")
-@click.option("-0", "--null", "nul", is_flag=True, help="--files-from is separated by NUL, not by lines.")
-@click.option("-r", "--recursive", is_flag=True, help="Take all trajectories below folders.")
+@o.many_inputs("trajectories")
 @click.option("--force", is_flag=True, help="Replace outputs that exist.")
-@click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Clips at the same time.")
+@o.jobs
 @o.as_json("Print one JSON object per clip and line on stdout.")
 @o.speech
 @click.pass_obj
@@ -154,7 +150,7 @@ def _plan(
     from retarget.cli import video as films
     from retarget.cli.validation_clip import Job, thresholds_of
 
-    names = plan.collect_inputs(inputs, files_from, nul=nul, recursive=recursive, kind="trajectory")
+    names = collect_inputs(inputs, files_from, nul=nul, recursive=recursive, kind="trajectory")
     if view and len(names) > 1:
         raise UsageError(f"--view shows one trajectory; found {len(names)}")
     if log and settings["mode"] == "kinematic":
@@ -222,10 +218,7 @@ def _tell(job: Job, outcome: Outcome[Done], count: str, as_json: bool, console: 
 
     done = outcome.value
     if done is None:
-        if console.debug and outcome.traceback:
-            click.echo(outcome.traceback, err=True, nl=False)
-        text = unexpected(outcome.error) if outcome.unexpected else outcome.error
-        console.error(count + (text if job.shown in text else f"{job.shown}: {text}"))
+        tell_failure(console, job.shown, outcome, count)
         record = failed_record(job, outcome.error)
     else:
         record = done.record

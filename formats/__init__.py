@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 from retarget.core.errors import FormatError, InvalidDataError, RetargetError, UnknownNameError, UsageError
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
@@ -46,6 +46,10 @@ __all__ = [
     "write_trajectory_stream",
 ]
 
+Kind = TypeVar("Kind", HumanMotion, TrackerRecording)
+_KINDS = {HumanMotion: "recorded motion", TrackerRecording: "poses of trackers"}
+"""What a file that holds one of them holds, in words."""
+
 
 def read_motion(
     source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
@@ -55,14 +59,7 @@ def read_motion(
     name: what messages call it (default: the path). format: its name, when suffix and content don't tell. options: what it doesn't say.
     Raises `UsageError` for a path that can't be opened and a file that holds no motion, `FormatError` for content that can't be read.
     """
-    with opened(source, name, format, "read_motion") as (stream, shown, found):
-        recording = _recording(stream, shown, found, options, found.read_motion)
-        if isinstance(recording, HumanMotion):
-            return recording
-        content = _content(found) if recording is None else "poses of trackers"
-    raise UsageError(
-        f"{shown}: {found.name} holds {content}, not recorded motion; expected one of {_readers('motion')}"
-    )
+    return _read_kind(HumanMotion, source, name, format, options)
 
 
 def read_trajectory(
@@ -92,14 +89,7 @@ def read_trackers(
     source: Input, name: str | None = None, format: str | None = None, options: TrackerOptions | None = None
 ) -> TrackerRecording:
     """The poses of tracked devices in `source`; arguments and errors as those of `read_motion`."""
-    with opened(source, name, format, "read_trackers") as (stream, shown, found):
-        recording = _recording(stream, shown, found, options, found.read_trackers)
-        if isinstance(recording, TrackerRecording):
-            return recording
-        content = _content(found) if recording is None else "recorded motion"
-    raise UsageError(
-        f"{shown}: {found.name} holds {content}, not poses of trackers; expected one of {_readers('trackers')}"
-    )
+    return _read_kind(TrackerRecording, source, name, format, options)
 
 
 def read_recording(
@@ -137,6 +127,19 @@ def read_any(
             except InvalidDataError as error:
                 raise FormatError(shown, str(error)) from error
     raise UsageError(f"{shown}: {found.name} can only be written")
+
+
+def _read_kind(
+    kind: type[Kind], source: Input, name: str | None, format: str | None, options: TrackerOptions | None
+) -> Kind:
+    """What `source` recorded of a person, where it is of this kind."""
+    readers = "motion" if kind is HumanMotion else "trackers"
+    with opened(source, name, format, f"read_{readers}") as (stream, shown, found):
+        recording = _recording(stream, shown, found, options, getattr(found, f"read_{readers}"))
+        if isinstance(recording, kind):
+            return recording
+        content = _content(found) if recording is None else _KINDS[type(recording)]
+    raise UsageError(f"{shown}: {found.name} holds {content}, not {_KINDS[kind]}; expected one of {_readers(readers)}")
 
 
 def _recording(
