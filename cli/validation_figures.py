@@ -93,12 +93,8 @@ def tracking(curves: Sequence[Curves], labels: Sequence[str]) -> Figure | None:
         _finish(above, below, first.time)
     grid[0][0].set_ylabel("angle / ° (sliding: mm)" if any(driven[0][0].sliding) else "angle / °")
     grid[0][1].set_ylabel("actual − wanted / °")
-    handles = [Line2D([], [], color=INK, linestyle=(0, (3, 2)), label="wanted")]
-    handles += [
-        Line2D([], [], color=CLIP_COLOURS[i % len(CLIP_COLOURS)], label=label if len(driven) > 1 else "actual")
-        for i, (_, label) in enumerate(driven)
-    ]
-    _legend(figure, handles)
+    wanted = Line2D([], [], color=INK, linestyle=(0, (3, 2)), label="wanted")
+    _legend(figure, [wanted, *_clip_handles([label for _, label in driven], "actual")])
     return figure
 
 
@@ -167,12 +163,8 @@ def torques(curves: Sequence[Curves], labels: Sequence[str]) -> Figure | None:
     for panel in axes[len(worst) :]:
         panel.set_visible(False)
     axes[0].set_ylabel("torque / Nm")
-    handles = [Line2D([], [], color=LIMIT, label="limit")]
-    handles += [
-        Line2D([], [], color=CLIP_COLOURS[i % len(CLIP_COLOURS)], label=label if len(driven) > 1 else "torque")
-        for i, (_, label) in enumerate(driven)
-    ]
-    _legend(figure, handles)
+    limit = Line2D([], [], color=LIMIT, label="limit")
+    _legend(figure, [limit, *_clip_handles([label for _, label in driven], "torque")])
     return figure
 
 
@@ -297,6 +289,14 @@ def _finish(above: Axes, below: Axes, time: Array) -> None:
         axes.grid(axis="y", color=FAINT, linewidth=0.5)
     above.tick_params(labelbottom=False)
     below.set_xlabel("time / s", labelpad=1)
+
+
+def _clip_handles(labels: Sequence[str], alone: str) -> list[Line2D]:
+    """A line for each clip's legend, called `alone` where there is one clip only."""
+    return [
+        Line2D([], [], color=CLIP_COLOURS[i % len(CLIP_COLOURS)], label=label if len(labels) > 1 else alone)
+        for i, label in enumerate(labels)
+    ]
 
 
 def _legend(figure: Figure, handles: Sequence[Line2D]) -> None:

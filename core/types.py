@@ -56,8 +56,25 @@ class Source:
         FieldSetter(self).value("options", MappingProxyType(dict(self.options)))
 
 
+class _Recorded:
+    """What recordings of either kind tell of their time."""
+
+    time: Array
+    source: Source
+
+    @property
+    def frames(self) -> int:
+        """Number of frames, T."""
+        return len(self.time)
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean frame rate; the recording's own where there is a single frame."""
+        return _rate(self.time) or self.source.rate_hz
+
+
 @dataclass(frozen=True, eq=False)
-class HumanMotion:
+class HumanMotion(_Recorded):
     """A person's motion: orientations and positions of canonical segments over time.
 
     Segment frames are the identity when the person stands in T-pose facing +X (the house's invariant).
@@ -113,16 +130,6 @@ class HumanMotion:
             check_tracked_or_not("HumanMotion.position", name, self.position[:, index])
 
     @property
-    def frames(self) -> int:
-        """Number of frames, T."""
-        return len(self.time)
-
-    @property
-    def rate_hz(self) -> float:
-        """Mean frame rate; the recording's own where there is a single frame."""
-        return _rate(self.time) or self.source.rate_hz
-
-    @property
     def unmeasured_segments(self) -> tuple[str, ...]:
         """Names of the segments whose values were not measured."""
         return tuple(name for name, measured in zip(self.segments, self.measured, strict=True) if not measured)
@@ -141,7 +148,7 @@ class HumanMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class TrackerRecording:
+class TrackerRecording(_Recorded):
     """Poses of devices strapped to a person, as a tracking system logged them: not yet anyone's segments.
 
     time: (T,) s, strictly increasing. trackers: D names, serials or roles, each once.
@@ -180,16 +187,6 @@ class TrackerRecording:
                 f"TrackerRecording.segments: found {dict(self.segments)}, expected each segment once"
             )
         set_.value("segments", MappingProxyType(dict(self.segments)))
-
-    @property
-    def frames(self) -> int:
-        """Number of frames, T."""
-        return len(self.time)
-
-    @property
-    def rate_hz(self) -> float:
-        """Mean frame rate; the recording's own where there is a single frame."""
-        return _rate(self.time) or self.source.rate_hz
 
     def index(self, tracker: str) -> int:
         """Column of `tracker`; raises `InvalidDataError` when the recording lacks it."""
