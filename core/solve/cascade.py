@@ -51,7 +51,7 @@ class Cascade:
         speed: Array,
         freedom: type[Freedom] = Freedom,
     ) -> None:
-        self._freedom = freedom
+        self.freedom = freedom
         self._levels, self._rows = tuple(levels), tuple(rows)
         self._count = max(own.stop for own in self._rows)
         importance = np.array(weight[:, : self._count])
@@ -83,7 +83,7 @@ class Cascade:
         on `constraints` (k, c) times them; lower ≤ 0 ≤ upper. before: (c,) the last step's velocities. All finite.
         """
         count, last, scale = self._count, len(self._levels) - 1, self._scale[frame]
-        left = self._freedom(
+        left = self.freedom(
             ControlStep(jacobian[:count], scale, command[:count], inertia, lower, upper, constraints, before)
         )
         freedom = np.zeros(len(self._levels), np.int64)

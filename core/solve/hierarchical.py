@@ -148,7 +148,7 @@ class _Record:
 class HierarchicalSolver:
     """The control steps of one set of targets, with their work space. Not thread-safe.
 
-    columns: (c,) joints solved for. levels: first to last. tasks: sorted by level.
+    columns: (c,) joints solved for. levels: first to last. tasks: sorted by level. freedom: NumPy's or the compiled one.
     """
 
     def __init__(self, targets: Targets, model: RobotModel, options: HierarchicalOptions) -> None:
@@ -177,7 +177,8 @@ class HierarchicalSolver:
         self.limits = VelocityLimits(model, self.columns, len(hands), speed, hierarchy.limit_gain, box)
         unhurried = np.full(len(speed), FIRST_STEP_RAD / self._first_step_s)
         self._unhurried = VelocityLimits(model, self.columns, len(hands), unhurried, FREE, np.full(6, FREE))
-        self._cascade = Cascade(self.levels, self.level_rows, self.weight, self.limits.speed, self._freedom())
+        self.freedom = self._chosen_freedom()
+        self._cascade = Cascade(self.levels, self.level_rows, self.weight, self.limits.speed, self.freedom)
         self.added_inertia = np.diag(
             [
                 hierarchy.inertia_diagonal
@@ -198,7 +199,7 @@ class HierarchicalSolver:
         self.linearise(joints, wanted, step_s)
         return self._solve(frame, self.limits, self.rows.inertia + self.added_inertia, before, step_s)
 
-    def _freedom(self) -> type[Freedom]:
+    def _chosen_freedom(self) -> type[Freedom]:
         def compiled() -> type[Freedom]:
             from retarget.core.solve.freedom_kernel import CompiledFreedom
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 import daqp
 import numpy as np
@@ -32,34 +33,64 @@ STATES, STEP_S = 1000, 1e-3
 
 @dataclass(frozen=True)
 class Solved:
-    """One robot's random states: ours after all levels, the paper's form after each, bounds, rows and residual changes."""
+    """One robot's random states: ours after all levels, in NumPy and compiled, the paper's form after each, and of both of ours residual changes and excess."""
 
     solver: HierarchicalSolver
     steps: list[CascadeStep]
+    compiled: list[CascadeStep]
     paper: Array
     paper_solved: Array
     leaks: Array
     excess: Array
 
 
+def compiled_cascade(solver: HierarchicalSolver) -> Cascade | None:
+    if find_spec("numba") is None:
+        return None
+    from retarget.core.solve.freedom_kernel import CompiledFreedom
+
+    return Cascade(solver.levels, solver.level_rows, solver.weight, solver.limits.speed, CompiledFreedom)
+
+
 @pytest.fixture(scope="module", params=ROBOTS)
 def solved(request: pytest.FixtureRequest, model: Callable[[str], RobotModel]) -> Solved:
     robot = model(request.param)
     targets = paper_targets(robot, upper_body_motion(robot, 1), turned=0.3)
-    solver = HierarchicalSolver(targets, robot, HierarchicalOptions())
+    solver = HierarchicalSolver(targets, robot, HierarchicalOptions(kernel="numpy"))
+    by_numba = compiled_cascade(solver)
     wanted, rng = TaskSamples(solver.tasks, robot).at(0), np.random.default_rng(0)
-    steps, paper, paper_solved, leaks, excess = [], [], [], [], []
+    steps, compiled, paper, paper_solved, leaks, excess = [], [], [], [], [], []
     for _ in range(STATES):
         state = random_step(solver, robot, rng)
         steps.append(solver.step(state.joints, wanted, 0, state.before, STEP_S))
+        rows, limits = solver.rows, solver.limits
+        constraints = np.concatenate([rows.hand_rows, limits.coupled])
+        if by_numba is not None:
+            inertia = rows.inertia + solver.added_inertia
+            compiled.append(
+                by_numba.solve(
+                    0,
+                    rows.jacobian,
+                    rows.command,
+                    inertia,
+                    limits.lower,
+                    limits.upper,
+                    constraints,
+                    state.before,
+                    STEP_S,
+                )
+            )
         velocities, fine = paper_cascade(solver, solver.weight[0], state.before, STEP_S)
         paper.append(velocities)
         paper_solved.append(fine)
-        leaks.append(largest_change(solver, state.before, steps[-1].velocity, STEP_S))
-        rows, limits, own = solver.rows, solver.limits, steps[-1].velocity
-        value = np.concatenate([own, rows.hand_rows @ own, limits.coupled @ own])
-        excess.append(max((value - limits.upper).max(), (limits.lower - value).max()))
-    return Solved(solver, steps, np.array(paper), np.array(paper_solved), np.array(leaks), np.array(excess))
+        for found, kind in zip((steps, compiled), (Freedom, by_numba and by_numba.freedom), strict=True):
+            if kind is None:
+                continue
+            own = found[-1].velocity
+            leaks.append(largest_change(solver, state.before, own, STEP_S, kind))
+            value = np.concatenate([own, constraints @ own])
+            excess.append(max((value - limits.upper).max(), (limits.lower - value).max()))
+    return Solved(solver, steps, compiled, np.array(paper), np.array(paper_solved), np.array(leaks), np.array(excess))
 
 
 def test_agrees_with_the_papers_form(solved: Solved) -> None:
@@ -72,12 +103,23 @@ def test_agrees_with_the_papers_form(solved: Solved) -> None:
     np.testing.assert_allclose(ours[comparable], solved.paper[comparable, -1], atol=1e-6)
 
 
+def test_compiled_it_is_the_same(solved: Solved) -> None:
+    """Nothing but the order of sums differs, and how a null space is found."""
+    if not solved.compiled:
+        pytest.skip("numba is not there for this Python")
+    for ours, compiled in zip(solved.steps, solved.compiled, strict=True):
+        np.testing.assert_allclose(compiled.velocity, ours.velocity, atol=1e-9)
+        np.testing.assert_array_equal(compiled.freedom, ours.freedom)
+        assert (compiled.qps, compiled.failed) == (ours.qps, ours.failed)
+
+
 def test_no_level_moves_a_higher_one(solved: Solved) -> None:
     assert solved.leaks.max() <= 1e-6
 
 
 def test_no_step_is_infeasible_and_none_leaves_its_limits(solved: Solved) -> None:
-    assert not [step.failed for step in solved.steps if step.failed is not None]
+    steps = solved.steps + solved.compiled
+    assert not [step.failed for step in steps if step.failed is not None]
     assert solved.excess.max() <= 1e-8
 
 
