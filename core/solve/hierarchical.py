@@ -55,7 +55,7 @@ class HierarchicalOptions:
     """control_step_s: longest control step; it is shorter where a gain demands it. gain_1_s: of tasks that state none.
 
     first_steps: most steps on the way from the reference posture to the first frame. kernel: "compiled" (numba), "numpy", or "auto", compiled if
-    that is there and the clip long enough; both give the same answers to 1e-6 rad.
+    that is there and the clip long enough; from one state both step to the same velocities to 1e-9 rad/s.
     """
 
     control_step_s: float = 1e-3
@@ -179,6 +179,8 @@ class HierarchicalSolver:
         self._unhurried = VelocityLimits(model, self.columns, len(hands), unhurried, FREE, np.full(6, FREE))
         self.freedom = self._chosen_freedom()
         self._cascade = Cascade(self.levels, self.level_rows, self.weight, self.limits.speed, self.freedom)
+        # The way to the first frame may end at either of two postures by rounding: it is NumPy's, so that the rest of the clip is the same, too.
+        self._first_cascade = Cascade(self.levels, self.level_rows, self.weight, self.limits.speed)
         self.added_inertia = np.diag(
             [
                 hierarchy.inertia_diagonal
@@ -197,7 +199,8 @@ class HierarchicalSolver:
         frame: whose task weights count. before: (c,) the step before's velocities. The rows stay in `rows` until the next step.
         """
         self.linearise(joints, wanted, step_s)
-        return self._solve(frame, self.limits, self.rows.inertia + self.added_inertia, before, step_s)
+        inertia = self.rows.inertia + self.added_inertia
+        return self._solve(self._cascade, frame, self.limits, inertia, before, step_s)
 
     def _chosen_freedom(self) -> type[Freedom]:
         def compiled() -> type[Freedom]:
@@ -213,9 +216,11 @@ class HierarchicalSolver:
         self.rows.linearise(self._configuration(joints), wanted)
         self.limits.update(joints, step_s)
 
-    def _solve(self, frame: int, limits: VelocityLimits, inertia: Array, before: Array, step_s: float) -> CascadeStep:
+    def _solve(
+        self, cascade: Cascade, frame: int, limits: VelocityLimits, inertia: Array, before: Array, step_s: float
+    ) -> CascadeStep:
         rows, constraints = self.rows, np.concatenate([self.rows.hand_rows, limits.coupled])
-        return self._cascade.solve(
+        return cascade.solve(
             frame, rows.jacobian, rows.command, inertia, limits.lower, limits.upper, constraints, before, step_s
         )
 
@@ -233,7 +238,7 @@ class HierarchicalSolver:
             self.rows.linearise(self._configuration(joints), wanted)
             self._unhurried.update(joints, step_s)
             inertia = FIRST_INERTIA * (self.rows.inertia + self.added_inertia)
-            found = self._solve(0, self._unhurried, inertia, still, step_s)
+            found = self._solve(self._first_cascade, 0, self._unhurried, inertia, still, step_s)
             if found.failed == 0:
                 raise SolverError(
                     f"the first frame can't be solved for robot '{model.profile.name}': its first QP fails"

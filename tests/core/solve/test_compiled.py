@@ -189,21 +189,3 @@ class TestChoice:
         assert chosen(COMPILED) is CompiledSolver
         monkeypatch.setattr(dynamical, "UNKEPT_FRAMES", 20)
         assert chosen(DynamicalOptions()) is CompiledSolver
-
-
-def test_no_folder_for_compiled_code_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where numba finds no place for a cache it raises as the function is decorated."""
-
-    def njit(function: Any = None, *, cache: bool = False) -> Any:
-        if cache:
-            raise RuntimeError("cannot cache function: no locator available")
-        return function
-
-    monkeypatch.setattr(jit, "kept", True)
-    monkeypatch.setattr(jit, "njit", njit)
-
-    def twice(x: float) -> float:
-        return 2 * x
-
-    assert jit.jit(twice)(3.0) == 6.0
-    assert jit.kept is False
