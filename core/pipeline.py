@@ -254,7 +254,7 @@ def _solve(
     from retarget.core.solve import clip
 
     if solver == "hierarchical":
-        return clip.by_strict_priorities(targets, model, progress)
+        return clip.by_strict_priorities(targets, model, kernel=options.kernel, progress=progress)
     return clip.by_one_qp_a_frame(
         targets, model, free_base=free_base, online=options.online, kernel=options.kernel, progress=progress
     )

@@ -54,9 +54,11 @@ def by_one_qp_a_frame(
     )
 
 
-def by_strict_priorities(targets: Targets, model: RobotModel, progress: Progress | None) -> ClipSolution:
+def by_strict_priorities(
+    targets: Targets, model: RobotModel, *, kernel: str, progress: Progress | None
+) -> ClipSolution:
     """Hierarchical inverse kinematics; the base stands still."""
-    solution = solve_hierarchical(targets, model, HierarchicalOptions(), progress)
+    solution = solve_hierarchical(targets, model, HierarchicalOptions(kernel=kernel), progress)
     return ClipSolution(
         solution,
         {

@@ -18,11 +18,6 @@ TOUCH_RAD = 1e-5
 """Frames that come nearer than this to a coupled row's bound are the NumPy solver's."""
 
 
-def is_kept() -> bool:
-    """Whether the kernel, once compiled, is kept for later processes."""
-    return kernel.kept
-
-
 class CompiledSolver(FrameSolver):
     """`FrameSolver` on the robot's tree. handed_over: frames that the NumPy solver had to solve."""
 

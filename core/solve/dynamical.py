@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core import rotations
-from retarget.core.errors import UsageError
 from retarget.core.solve.basins import leave_worse_basins
+from retarget.core.solve.kernel_choice import chosen
 from retarget.core.solve.newton import FrameSolver, NewtonOptions, Path
 from retarget.core.solve.online import OnlineOptions, OnlineSolver
 from retarget.core.solve.problem import OrientationProblem
@@ -99,17 +98,11 @@ def solve(problem: OrientationProblem, options: DynamicalOptions, progress: Prog
 
 
 def _frame_solver(problem: OrientationProblem, options: DynamicalOptions) -> FrameSolver:
-    frames = len(problem.time)
-    if options.kernel == "compiled" and find_spec("numba") is None:
-        raise UsageError("the compiled kernel needs numba; expected pip install numba, or the numpy kernel")
-    wanted = options.kernel == "compiled" or (options.kernel == "auto" and frames >= COMPILED_FRAMES)
-    if not options.online and wanted:
-        try:
-            from retarget.core.solve.compiled import CompiledSolver, is_kept
-        except ImportError as error:  # not installed, or not for this version of NumPy
-            if options.kernel == "compiled":
-                raise UsageError(f"numba can't be used: {error}") from None
-        else:
-            if options.kernel == "compiled" or is_kept() or frames >= UNKEPT_FRAMES:
-                return CompiledSolver(problem, options.newton)
-    return FrameSolver(problem, options.newton)
+    def compiled() -> type[FrameSolver]:
+        from retarget.core.solve.compiled import CompiledSolver
+
+        return CompiledSolver
+
+    kernel = "numpy" if options.online else options.kernel
+    solver = chosen(kernel, FrameSolver, compiled, len(problem.time), COMPILED_FRAMES, UNKEPT_FRAMES)
+    return solver(problem, options.newton)

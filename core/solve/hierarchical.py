@@ -21,6 +21,8 @@ from retarget.core.kinematics import Poses
 from retarget.core.robot_model import RobotModel
 from retarget.core.solve.cascade import Cascade, CascadeStep
 from retarget.core.solve.dynamical import Solution
+from retarget.core.solve.freedom import Freedom
+from retarget.core.solve.kernel_choice import chosen
 from retarget.core.solve.limits import nearest_feasible
 from retarget.core.solve.priorities import hand_points, moving_columns, narrowed, priorities, sorted_tasks
 from retarget.core.solve.problem import VELOCITY_MARGIN, coupled_rows
@@ -40,6 +42,10 @@ FIRST_STEP_RAD, FIRST_INERTIA, STANDING_RAD = 0.1, 0.1, 1e-5
 Without the share, arms that hardly reach their targets creep there for thousands of steps; with less of it they jump to other postures.
 """
 
+COMPILED_STEPS, UNKEPT_STEPS = 10_000, 50_000
+"""Control steps from which the compiled kernel pays: it takes 0.7 s to load, and some 4 s to compile the first time, or, where no folder can
+be written to that would keep it, every time; a step costs 0.1 ms less with it."""
+
 FREE = 1e30
 """What daqp takes for no bound."""
 
@@ -48,12 +54,14 @@ FREE = 1e30
 class HierarchicalOptions:
     """control_step_s: longest control step; it is shorter where a gain demands it. gain_1_s: of tasks that state none.
 
-    first_steps: most steps on the way from the reference posture to the first frame.
+    first_steps: most steps on the way from the reference posture to the first frame. kernel: "compiled" (numba), "numpy", or "auto", compiled if
+    that is there and the clip long enough; from one state both step to the same velocities to 1e-9 rad/s.
     """
 
     control_step_s: float = 1e-3
     gain_1_s: float = 100.0
     first_steps: int = 1000
+    kernel: str = "auto"
 
     def __post_init__(self) -> None:
         if not 0 < self.control_step_s < np.inf:
@@ -140,7 +148,7 @@ class _Record:
 class HierarchicalSolver:
     """The control steps of one set of targets, with their work space. Not thread-safe.
 
-    columns: (c,) joints solved for. levels: first to last. tasks: sorted by level.
+    columns: (c,) joints solved for. levels: first to last. tasks: sorted by level. freedom: NumPy's or the compiled one.
     """
 
     def __init__(self, targets: Targets, model: RobotModel, options: HierarchicalOptions) -> None:
@@ -169,7 +177,10 @@ class HierarchicalSolver:
         self.limits = VelocityLimits(model, self.columns, len(hands), speed, hierarchy.limit_gain, box)
         unhurried = np.full(len(speed), FIRST_STEP_RAD / self._first_step_s)
         self._unhurried = VelocityLimits(model, self.columns, len(hands), unhurried, FREE, np.full(6, FREE))
-        self._cascade = Cascade(self.levels, self.level_rows, self.weight, self.limits.speed)
+        self.freedom = self._chosen_freedom()
+        self._cascade = Cascade(self.levels, self.level_rows, self.weight, self.limits.speed, self.freedom)
+        # The way to the first frame may end at either of two postures by rounding: it is NumPy's, so that the rest of the clip is the same, too.
+        self._first_cascade = Cascade(self.levels, self.level_rows, self.weight, self.limits.speed)
         self.added_inertia = np.diag(
             [
                 hierarchy.inertia_diagonal
@@ -188,16 +199,28 @@ class HierarchicalSolver:
         frame: whose task weights count. before: (c,) the step before's velocities. The rows stay in `rows` until the next step.
         """
         self.linearise(joints, wanted, step_s)
-        return self._solve(frame, self.limits, self.rows.inertia + self.added_inertia, before, step_s)
+        inertia = self.rows.inertia + self.added_inertia
+        return self._solve(self._cascade, frame, self.limits, inertia, before, step_s)
+
+    def _chosen_freedom(self) -> type[Freedom]:
+        def compiled() -> type[Freedom]:
+            from retarget.core.solve.freedom_kernel import CompiledFreedom
+
+            return CompiledFreedom
+
+        steps = int(sum(self._control_steps(frame) for frame in range(len(self._time) - 1)))
+        return chosen(self._options.kernel, Freedom, compiled, steps, COMPILED_STEPS, UNKEPT_STEPS)
 
     def linearise(self, joints: Array, wanted: TaskSample, step_s: float) -> None:
         """Bring `rows` and `limits` to `joints` (n,)."""
         self.rows.linearise(self._configuration(joints), wanted)
         self.limits.update(joints, step_s)
 
-    def _solve(self, frame: int, limits: VelocityLimits, inertia: Array, before: Array, step_s: float) -> CascadeStep:
+    def _solve(
+        self, cascade: Cascade, frame: int, limits: VelocityLimits, inertia: Array, before: Array, step_s: float
+    ) -> CascadeStep:
         rows, constraints = self.rows, np.concatenate([self.rows.hand_rows, limits.coupled])
-        return self._cascade.solve(
+        return cascade.solve(
             frame, rows.jacobian, rows.command, inertia, limits.lower, limits.upper, constraints, before, step_s
         )
 
@@ -215,7 +238,7 @@ class HierarchicalSolver:
             self.rows.linearise(self._configuration(joints), wanted)
             self._unhurried.update(joints, step_s)
             inertia = FIRST_INERTIA * (self.rows.inertia + self.added_inertia)
-            found = self._solve(0, self._unhurried, inertia, still, step_s)
+            found = self._solve(self._first_cascade, 0, self._unhurried, inertia, still, step_s)
             if found.failed == 0:
                 raise SolverError(
                     f"the first frame can't be solved for robot '{model.profile.name}': its first QP fails"
@@ -229,7 +252,7 @@ class HierarchicalSolver:
     def advance(self, frame: int, start: Array, velocity: Array, record: _Record) -> tuple[Array, Array]:
         """The joints (n,) at the frame after `frame`, from `start` (n,) there and moving with `velocity` (c,), and the velocity then."""
         duration = float(self._time[frame + 1] - self._time[frame])
-        count = max(1, int(np.ceil(duration / self.longest_step_s - 1e-6)))
+        count = self._control_steps(frame)
         step_s, after = duration / count, frame + 1
         wanted, joints = self._samples.between(frame, count), start
         stuck, qps, failed = np.zeros(len(self.levels), bool), 0, 0
@@ -250,6 +273,11 @@ class HierarchicalSolver:
         if failed:
             record.status[after] = FRAME_MARKED
         return joints, velocity
+
+    def _control_steps(self, frame: int) -> int:
+        """From `frame` to the next."""
+        duration = float(self._time[frame + 1] - self._time[frame])
+        return max(1, int(np.ceil(duration / self.longest_step_s - 1e-6)))
 
     def residuals(self, velocity: Array, frame: int) -> Array:
         """Per level (L,) the norm of weighted J q̇ - v at `velocity` (c,), with the rows of the last step."""

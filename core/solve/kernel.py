@@ -17,15 +17,13 @@ turn): the kernel stops before that frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+from retarget.core.solve.jit import jit
 from retarget.core.types import Array, BoolArray
 
-_F = TypeVar("_F", bound=Callable[..., Any])
 IntArray = NDArray[np.int64]
 
 HALF_TURN_RAD = 3.1
@@ -97,19 +95,6 @@ class Work(NamedTuple):
     held: IntArray
 
 
-kept = True
-"""Whether there is a folder that keeps the compiled code; without, every process compiles it anew."""
-
-
-def _jit(function: _F) -> _F:
-    global kept
-    try:
-        return cast(_F, njit(cache=True)(function))
-    except RuntimeError:
-        kept = False
-        return cast(_F, njit(function))
-
-
 def work_space(columns: int) -> Work:
     """Work space for problems of that many columns."""
     c = columns
@@ -117,7 +102,7 @@ def work_space(columns: int) -> Work:
     return Work._make([*(np.zeros(shape) for shape in shapes), np.zeros(c, np.int64)])
 
 
-@_jit
+@jit
 def _place(tree: Tree, q: Array, work: Work) -> None:
     """World rotations and axes of all columns at configuration q."""
     turned, axes, fixed, base = work.turned, work.axes, tree.fixed, tree.base
@@ -147,7 +132,7 @@ def _place(tree: Tree, q: Array, work: Work) -> None:
             axes[j, i] = 0.0 if tree.sliding[j] else c2
 
 
-@_jit
+@jit
 def _measure(tree: Tree, tasks: Tasks, k: int, work: Work) -> float:
     """Pulls and metrics of frame k's links, summed at the column that carries each; the tasks' cost, or infinity at a half turn."""
     pulls, metrics = work.pulls, work.metrics
@@ -225,7 +210,7 @@ def _measure(tree: Tree, tasks: Tasks, k: int, work: Work) -> float:
     return cost
 
 
-@_jit
+@jit
 def _linearise(tree: Tree, tasks: Tasks, posture: Posture, k: int, q: Array, work: Work) -> float:
     """F at q, or infinity at a half turn; fills gradient and hessian (entries of a column with itself and with those before it)."""
     _place(tree, q, work)
@@ -264,7 +249,7 @@ def _linearise(tree: Tree, tasks: Tasks, posture: Posture, k: int, q: Array, wor
     return cost
 
 
-@_jit
+@jit
 def _factor(parent: IntArray, work: Work) -> bool:
     """H = LᵀL on the variables that are not held; False when H isn't positive definite there."""
     hessian, factor, held = work.hessian, work.factor, work.held
@@ -299,7 +284,7 @@ def _factor(parent: IntArray, work: Work) -> bool:
     return True
 
 
-@_jit
+@jit
 def _solve_factored(parent: IntArray, work: Work) -> None:
     """step := (LᵀL)⁻¹ step on the variables that are not held."""
     factor, held, x = work.factor, work.held, work.step
@@ -322,7 +307,7 @@ def _solve_factored(parent: IntArray, work: Work) -> None:
             x[j] /= factor[j, j]
 
 
-@_jit
+@jit
 def _multiply(parent: IntArray, work: Work, only_held: bool) -> None:
     """slope := gradient + H step; with `only_held` as if the free part of step were zero."""
     hessian, step, slope = work.hessian, work.step, work.slope
@@ -340,7 +325,7 @@ def _multiply(parent: IntArray, work: Work, only_held: bool) -> None:
             i = parent[i]
 
 
-@_jit
+@jit
 def _box_qp(parent: IntArray, work: Work) -> bool:
     """step := argmin ½ xᵀHx + gᵀx in [low, high], low ≤ 0 ≤ high; False when H is indefinite or the set cycles.
 
@@ -384,7 +369,7 @@ def _box_qp(parent: IntArray, work: Work) -> bool:
     return False
 
 
-@_jit
+@jit
 def _advance(base: int, q: Array, step: Array, lower: Array, upper: Array) -> None:
     """q := q ⊕ step, joints kept in their bounds."""
     if base:
@@ -398,7 +383,7 @@ def _advance(base: int, q: Array, step: Array, lower: Array, upper: Array) -> No
         q[first + j] = max(min(value, upper[j - base]), lower[j - base])
 
 
-@_jit
+@jit
 def _turn_base(q: Array, tx: float, ty: float, tz: float, tw: float) -> None:
     """Quaternion xyzw of q times (tx, ty, tz, tw), normalised."""
     x, y, z, w = q[3], q[4], q[5], q[6]
@@ -410,7 +395,7 @@ def _turn_base(q: Array, tx: float, ty: float, tz: float, tw: float) -> None:
     q[3], q[4], q[5], q[6] = nx / norm, ny / norm, nz / norm, nw / norm
 
 
-@_jit
+@jit
 def _rows_are_clear(limits: Limits, joints: Array) -> bool:
     for row in range(len(limits.rows)):
         value = 0.0
@@ -421,7 +406,7 @@ def _rows_are_clear(limits: Limits, joints: Array) -> bool:
     return True
 
 
-@_jit
+@jit
 def converge(
     tree: Tree, tasks: Tasks, limits: Limits, posture: Posture, k: int, q: Array, lower: Array, upper: Array,
     tolerance: float, work: Work,
@@ -463,7 +448,7 @@ def converge(
     return 0, 0.0
 
 
-@_jit
+@jit
 def follow(
     tree: Tree, tasks: Tasks, limits: Limits, posture: Posture, time: Array, path: Array, costs: Array, iterations: IntArray,
     below: Array, first: int, last: int, tolerance: float, work: Work,

@@ -1,8 +1,9 @@
 """Hierarchical solver: strict priorities against one weighted QP of the same control step, and control steps per second on one core.
 
 The work is [Lim2022 table II] on an upper body: chest, hands and head, upper arms, and their second axes in place of the shoulders, with limits on joints and
-hands. "solve" is what follows the linearisation: the cascade of QPs, or one daqp QP with all levels' tasks summed by weight. "step" has the
-kinematics, Jacobians and inertia, too, which are the same code for both. The loop is the whole of what a clip does: interpolation, steps, hand check.
+hands. "solve" is what follows the linearisation: the cascade of QPs, in NumPy or compiled (as clips of 10 s and more are solved), or one daqp QP with
+all levels' tasks summed by weight. "step" has the kinematics, Jacobians and inertia, too, which are the same code for all. The loop is the whole of what
+a clip does: interpolation, steps, hand check.
 
 All take turns in this one process, and the best of several turns counts, in processor time. Ratios are recorded and printed, not asserted; that
 strict and weighted solution keep the same limits, and that only one of them is strict, is.
@@ -96,6 +97,13 @@ def strict(step: Linearised, cascade: Cascade) -> Array:
     ).velocity
 
 
+@pytest.fixture(params=["numpy", "compiled"])
+def kernel(request: pytest.FixtureRequest) -> str:
+    if request.param == "compiled":
+        pytest.importorskip("numba", reason="numba is not there for this Python")
+    return str(request.param)
+
+
 def weighted(work: Work, step: Linearised) -> Array:
     """min Σ_p ρ_p ‖J_p q̇ - v_p‖² + ‖q̇‖²_A + a ‖(q̇ - q̇_before)/dt‖²: the levels' own weights, all at once."""
     importance, acceleration = work.solver.weight[0].copy(), 0.0
@@ -122,9 +130,12 @@ def microseconds(runs: dict[str, Callable[[], object]], count: int, turns: int =
     return {name: 1e6 * seconds / count for name, seconds in best.items()}
 
 
-def test_strict_against_weighted(benchmark: BenchmarkFixture, work: Work) -> None:
+def test_strict_against_weighted(benchmark: BenchmarkFixture, work: Work, kernel: str) -> None:
     solver, steps = work.solver, linearised(work)
-    cascade = Cascade(solver.levels, solver.level_rows, solver.weight, solver.limits.speed)
+    freedom = HierarchicalSolver(
+        work.targets, build(robots.load(work.name)), HierarchicalOptions(kernel=kernel)
+    ).freedom
+    cascade = Cascade(solver.levels, solver.level_rows, solver.weight, solver.limits.speed, freedom)
 
     def linearise() -> None:
         for state in work.states:
@@ -141,9 +152,9 @@ def test_strict_against_weighted(benchmark: BenchmarkFixture, work: Work) -> Non
     step_ratio = (found["strict"] + found["linearisation"]) / (found["weighted"] + found["linearisation"])
     benchmark.extra_info.update({f"microseconds_a_step_{name}": value for name, value in found.items()})
     benchmark.extra_info.update({"solve_ratio": solve_ratio, "step_ratio": step_ratio})
-    print(f"\n{work.name}: strict {found['strict']:.0f} µs, one weighted QP {found['weighted']:.0f} µs (ratio {solve_ratio:.2f}); "
+    print(f"\n{work.name}, {kernel}: strict {found['strict']:.0f} µs, one weighted QP {found['weighted']:.0f} µs (ratio {solve_ratio:.2f}); "
           f"with the linearisation's {found['linearisation']:.0f} µs ratio {step_ratio:.2f}")  # fmt: skip
-    first = Cascade(solver.levels[:1], solver.level_rows[:1], solver.weight, solver.limits.speed)
+    first = Cascade(solver.levels[:1], solver.level_rows[:1], solver.weight, solver.limits.speed, freedom)
     chest, lost = solver.level_rows[0], {"strict": 0.0, "weighted": 0.0}
     for step in steps:
         best = step.jacobian[chest] @ strict(step, first)
@@ -154,12 +165,12 @@ def test_strict_against_weighted(benchmark: BenchmarkFixture, work: Work) -> Non
     assert lost["strict"] <= 1e-6 < lost["weighted"]
 
 
-def test_control_steps_per_second(benchmark: BenchmarkFixture, work: Work) -> None:
-    robot = build(robots.load(work.name))
-    solution = benchmark(lambda: solve(work.targets, robot, HierarchicalOptions()))
+def test_control_steps_per_second(benchmark: BenchmarkFixture, work: Work, kernel: str) -> None:
+    robot, options = build(robots.load(work.name)), HierarchicalOptions(kernel=kernel)
+    solution = benchmark(lambda: solve(work.targets, robot, options))
     begin = time.process_time()
-    solution = solve(work.targets, robot, HierarchicalOptions())
+    solution = solve(work.targets, robot, options)
     rate = (solution.control_steps + solution.first_steps) / (time.process_time() - begin)
     benchmark.extra_info["control_steps_a_second"] = rate
-    print(f"\n{work.name}: {rate:.0f} control steps a second")
+    print(f"\n{work.name}, {kernel}: {rate:.0f} control steps a second")
     assert not solution.status.any()

@@ -12,6 +12,7 @@ from retarget.core import rotations
 from retarget.core.kinematics import link_poses
 from retarget.core.robot_model import RobotModel
 from retarget.core.solve.cascade import Cascade
+from retarget.core.solve.freedom import Freedom
 from retarget.core.solve.hierarchical import HierarchicalSolver
 from retarget.core.solve.priorities import narrowed
 from retarget.core.types import Array, Targets, Task
@@ -130,11 +131,13 @@ def paper_cascade(
     return np.array(found), np.array(solved)
 
 
-def largest_change(solver: HierarchicalSolver, before: Array, full: Array, step_s: float) -> float:
+def largest_change(
+    solver: HierarchicalSolver, before: Array, full: Array, step_s: float, freedom: type[Freedom] = Freedom
+) -> float:
     """By how much a level's task velocities differ between the cascade that ends with it and the whole one."""
     rows, limits, largest = solver.rows, solver.limits, 0.0
     for count in range(1, len(solver.levels)):
-        part = Cascade(solver.levels[:count], solver.level_rows[:count], solver.weight, limits.speed)
+        part = Cascade(solver.levels[:count], solver.level_rows[:count], solver.weight, limits.speed, freedom)
         found = part.solve(
             0,
             rows.jacobian,

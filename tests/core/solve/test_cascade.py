@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 import daqp
 import numpy as np
 import pytest
 from retarget.core.robot_model import RobotModel
 from retarget.core.solve.cascade import Cascade, CascadeStep
+from retarget.core.solve.freedom import Freedom
 from retarget.core.solve.hierarchical import HierarchicalOptions, HierarchicalSolver
 from retarget.core.solve.priorities import Priority
 from retarget.core.solve.task_samples import TaskSamples
@@ -25,39 +27,70 @@ from tests.core.solve.hierarchies import (
     upper_body_motion,
 )
 
+Make = Callable[..., Cascade]
 STATES, STEP_S = 1000, 1e-3
 
 
 @dataclass(frozen=True)
 class Solved:
-    """One robot's random states: ours after all levels, the paper's form after each, bounds, rows and residual changes."""
+    """One robot's random states: ours after all levels, in NumPy and compiled, the paper's form after each, and of both of ours residual changes and excess."""
 
     solver: HierarchicalSolver
     steps: list[CascadeStep]
+    compiled: list[CascadeStep]
     paper: Array
     paper_solved: Array
     leaks: Array
     excess: Array
 
 
+def compiled_cascade(solver: HierarchicalSolver) -> Cascade | None:
+    if find_spec("numba") is None:
+        return None
+    from retarget.core.solve.freedom_kernel import CompiledFreedom
+
+    return Cascade(solver.levels, solver.level_rows, solver.weight, solver.limits.speed, CompiledFreedom)
+
+
 @pytest.fixture(scope="module", params=ROBOTS)
 def solved(request: pytest.FixtureRequest, model: Callable[[str], RobotModel]) -> Solved:
     robot = model(request.param)
     targets = paper_targets(robot, upper_body_motion(robot, 1), turned=0.3)
-    solver = HierarchicalSolver(targets, robot, HierarchicalOptions())
+    solver = HierarchicalSolver(targets, robot, HierarchicalOptions(kernel="numpy"))
+    by_numba = compiled_cascade(solver)
     wanted, rng = TaskSamples(solver.tasks, robot).at(0), np.random.default_rng(0)
-    steps, paper, paper_solved, leaks, excess = [], [], [], [], []
+    steps, compiled, paper, paper_solved, leaks, excess = [], [], [], [], [], []
     for _ in range(STATES):
         state = random_step(solver, robot, rng)
         steps.append(solver.step(state.joints, wanted, 0, state.before, STEP_S))
+        rows, limits = solver.rows, solver.limits
+        constraints = np.concatenate([rows.hand_rows, limits.coupled])
+        if by_numba is not None:
+            inertia = rows.inertia + solver.added_inertia
+            compiled.append(
+                by_numba.solve(
+                    0,
+                    rows.jacobian,
+                    rows.command,
+                    inertia,
+                    limits.lower,
+                    limits.upper,
+                    constraints,
+                    state.before,
+                    STEP_S,
+                )
+            )
         velocities, fine = paper_cascade(solver, solver.weight[0], state.before, STEP_S)
         paper.append(velocities)
         paper_solved.append(fine)
-        leaks.append(largest_change(solver, state.before, steps[-1].velocity, STEP_S))
-        rows, limits, own = solver.rows, solver.limits, steps[-1].velocity
-        value = np.concatenate([own, rows.hand_rows @ own, limits.coupled @ own])
-        excess.append(max((value - limits.upper).max(), (limits.lower - value).max()))
-    return Solved(solver, steps, np.array(paper), np.array(paper_solved), np.array(leaks), np.array(excess))
+        for found, kind in zip((steps, compiled), (Freedom, by_numba and by_numba.freedom), strict=True):
+            if kind is None:
+                continue
+            own = found[-1].velocity
+            leaks.append(largest_change(solver, state.before, own, STEP_S, kind))
+            value = np.concatenate([own, constraints @ own])
+            excess.append(max((value - limits.upper).max(), (limits.lower - value).max()))
+    return Solved(solver, steps, compiled, np.array(paper), np.array(paper_solved), np.array(leaks), np.array(excess))
 
 
 def test_agrees_with_the_papers_form(solved: Solved) -> None:
@@ -70,12 +103,23 @@ def test_agrees_with_the_papers_form(solved: Solved) -> None:
     np.testing.assert_allclose(ours[comparable], solved.paper[comparable, -1], atol=1e-6)
 
 
+def test_compiled_it_is_the_same(solved: Solved) -> None:
+    """Nothing but the order of sums differs, and how a null space is found."""
+    if not solved.compiled:
+        pytest.skip("numba is not there for this Python")
+    for ours, compiled in zip(solved.steps, solved.compiled, strict=True):
+        np.testing.assert_allclose(compiled.velocity, ours.velocity, atol=1e-9)
+        np.testing.assert_array_equal(compiled.freedom, ours.freedom)
+        assert (compiled.qps, compiled.failed) == (ours.qps, ours.failed)
+
+
 def test_no_level_moves_a_higher_one(solved: Solved) -> None:
     assert solved.leaks.max() <= 1e-6
 
 
 def test_no_step_is_infeasible_and_none_leaves_its_limits(solved: Solved) -> None:
-    assert not [step.failed for step in solved.steps if step.failed is not None]
+    steps = solved.steps + solved.compiled
+    assert not [step.failed for step in steps if step.failed is not None]
     assert solved.excess.max() <= 1e-8
 
 
@@ -89,11 +133,26 @@ def test_a_level_without_freedom_is_reported(solved: Solved) -> None:
     assert empty == 1.0 if columns <= higher else empty < 1.0
 
 
-def cascade(*weights: float, acceleration: float = 0.0, of_rows: Array | None = None) -> Cascade:
-    """Levels of one row each."""
-    levels = [Priority(i, slice(i, i + 1), weight, acceleration) for i, weight in enumerate(weights)]
-    rows = [slice(i, i + 1) for i in range(len(weights))]
-    return Cascade(levels, rows, np.ones((1, len(weights))) if of_rows is None else of_rows[None], np.full(2, 100.0))
+@pytest.fixture(params=["numpy", "compiled"])
+def freedom(request: pytest.FixtureRequest) -> type[Freedom]:
+    if request.param == "numpy":
+        return Freedom
+    pytest.importorskip("numba", reason="numba is not there for this Python")
+    from retarget.core.solve.freedom_kernel import CompiledFreedom
+
+    return CompiledFreedom
+
+
+@pytest.fixture
+def cascade(freedom: type[Freedom]) -> Make:
+    def make(*weights: float, acceleration: float = 0.0, of_rows: Array | None = None) -> Cascade:
+        """Levels of one row each."""
+        levels = [Priority(i, slice(i, i + 1), weight, acceleration) for i, weight in enumerate(weights)]
+        rows = [slice(i, i + 1) for i in range(len(weights))]
+        weight = np.ones((1, len(weights))) if of_rows is None else of_rows[None]
+        return Cascade(levels, rows, weight, np.full(2, 100.0), freedom)
+
+    return make
 
 
 def solve_plainly(
@@ -114,7 +173,7 @@ def solve_plainly(
 
 
 class TestInClosedForm:
-    def test_two_levels(self) -> None:
+    def test_two_levels(self, cascade: Make) -> None:
         """x = 50·1 / (50 + 0.02) for the first; the second wants x + y = 3 and has y alone for it."""
         jacobian, command = np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([1.0, 3.0])
         found = solve_plainly(cascade(50.0, 5.0), jacobian, command)
@@ -122,19 +181,19 @@ class TestInClosedForm:
         np.testing.assert_allclose(found.velocity, [x, 5 * (3 - x) / 5.02], atol=1e-9)
         np.testing.assert_array_equal(found.freedom, [1, 1])
 
-    def test_acceleration_cost_draws_to_the_velocity_before(self) -> None:
+    def test_acceleration_cost_draws_to_the_velocity_before(self, cascade: Make) -> None:
         """ρ (x - 1)² + 0.02 x² + a/dt² (x - 4)², a/dt² = 0.4."""
         found = solve_plainly(
             cascade(50.0, acceleration=4e-5), np.array([[1.0, 0.0]]), np.array([1.0]), before=np.array([4.0, -2.0])
         )
         np.testing.assert_allclose(found.velocity, [(50 + 0.4 * 4) / 50.42, -2 * 0.4 / 0.42], atol=1e-9)
 
-    def test_the_second_level_gets_what_the_first_leaves_within_limits(self) -> None:
+    def test_the_second_level_gets_what_the_first_leaves_within_limits(self, cascade: Make) -> None:
         jacobian, command = np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([5.0, 30.0])
         found = solve_plainly(cascade(50.0, 5.0), jacobian, command, limit=2.0)
         np.testing.assert_allclose(found.velocity, [2.0, 2.0], atol=1e-12)
 
-    def test_nothing_left(self) -> None:
+    def test_nothing_left(self, cascade: Make) -> None:
         """A second level on the same direction, and a third behind one that took all."""
         same = solve_plainly(cascade(50.0, 5.0), np.array([[1.0, 0.0], [2.0, 0.0]]), np.array([1.0, 9.0]))
         np.testing.assert_allclose(same.velocity, [50 / 50.02, 0.0], atol=1e-9)
@@ -144,13 +203,13 @@ class TestInClosedForm:
         np.testing.assert_array_equal(full.freedom, [1, 1, 0])
         assert full.qps == 2
 
-    def test_a_task_of_weight_zero_takes_no_freedom(self) -> None:
+    def test_a_task_of_weight_zero_takes_no_freedom(self, cascade: Make) -> None:
         jacobian, command = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([7.0, 1.0])
         found = solve_plainly(cascade(50.0, 50.0, of_rows=np.array([0.0, 1.0])), jacobian, command)
         np.testing.assert_allclose(found.velocity, [50 / 50.02, 0.0], atol=1e-9)
 
     @pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-8, 1e-9, 1e-12])
-    def test_near_singular_levels_stay_too(self, size: float) -> None:
+    def test_near_singular_levels_stay_too(self, size: float, cascade: Make) -> None:
         """Whatever a level can hardly move, the next moves it by no more than 1e-6, as fast as joints are."""
         jacobian, command = np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([0.0, 50.0])
         jacobian[0] = [1.0, size]
@@ -159,7 +218,7 @@ class TestInClosedForm:
         assert abs(jacobian[0] @ (both.velocity - first.velocity)) <= 1e-6
 
 
-def test_a_level_whose_qp_fails_keeps_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_level_whose_qp_fails_keeps_the_one_before(monkeypatch: pytest.MonkeyPatch, cascade: Make) -> None:
     """After the second try in a coarser unit."""
     real, calls = daqp.solve, []
 
@@ -176,7 +235,7 @@ def test_a_level_whose_qp_fails_keeps_the_one_before(monkeypatch: pytest.MonkeyP
     np.testing.assert_allclose(found.velocity, [50 / 50.02, 0.0, 0.0], atol=1e-9)
 
 
-def test_a_qp_that_fails_is_tried_in_a_coarser_unit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_qp_that_fails_is_tried_in_a_coarser_unit(monkeypatch: pytest.MonkeyPatch, cascade: Make) -> None:
     real, calls = daqp.solve, []
 
     def failing(*problem: Array) -> tuple[Array, float, int, dict[str, float]]:
@@ -192,7 +251,7 @@ def test_a_qp_that_fails_is_tried_in_a_coarser_unit(monkeypatch: pytest.MonkeyPa
     np.testing.assert_allclose(found.velocity, [50 / 50.02, 5 * (3 - 50 / 50.02) / 5.02], atol=1e-9)
 
 
-def test_nan_from_the_qp_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nan_from_the_qp_is_a_failure(monkeypatch: pytest.MonkeyPatch, cascade: Make) -> None:
     """daqp returns NaN as success."""
     monkeypatch.setattr(daqp, "solve", lambda *problem: (np.full(len(problem[1]), np.nan), 0.0, 1, {}))
     found = solve_plainly(cascade(50.0), np.eye(1, 2), np.ones(1))
@@ -200,7 +259,7 @@ def test_nan_from_the_qp_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_array_equal(found.velocity, [0.0, 0.0])
 
 
-def test_one_level_agrees_with_scipy() -> None:
+def test_one_level_agrees_with_scipy(freedom: type[Freedom]) -> None:
     """Bounds, rows and a full inertia at once, by another kind of solver."""
     rng = np.random.default_rng(3)
     for _ in range(5):
@@ -208,7 +267,7 @@ def test_one_level_agrees_with_scipy() -> None:
         inertia, rows = root @ root.T / 6 + 0.02 * np.eye(6), rng.normal(size=(2, 6))
         lower, upper = np.full(8, -1.0), np.full(8, 1.0)
         lower[6:], upper[6:] = -0.5, 0.5
-        own = Cascade([Priority(0, slice(0, 1), 50.0, 0.0)], [slice(0, 4)], np.ones((1, 4)), np.ones(6))
+        own = Cascade([Priority(0, slice(0, 1), 50.0, 0.0)], [slice(0, 4)], np.ones((1, 4)), np.ones(6), freedom)
         found = own.solve(0, jacobian, command, inertia, lower, upper, rows, np.zeros(6), 0.01).velocity
 
         def cost(x: Array, j: Array = jacobian, v: Array = command, a: Array = inertia) -> float:

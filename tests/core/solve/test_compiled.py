@@ -19,7 +19,7 @@ from retarget.core.solve.starts import best_start
 from retarget.core.types import FRAME_MARKED, Array, HumanMotion, Targets, Task
 
 pytest.importorskip("numba", reason="numba is not there for this Python")
-from retarget.core.solve import kernel
+from retarget.core.solve import jit, kernel
 from retarget.core.solve.compiled import CompiledSolver
 
 Models = Callable[[str], RobotModel]
@@ -184,26 +184,8 @@ class TestChoice:
         self, chosen: Callable[[DynamicalOptions], type], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(dynamical, "COMPILED_FRAMES", 20)
-        monkeypatch.setattr(kernel, "kept", False)
+        monkeypatch.setattr(jit, "kept", False)
         assert chosen(DynamicalOptions()) is FrameSolver
         assert chosen(COMPILED) is CompiledSolver
         monkeypatch.setattr(dynamical, "UNKEPT_FRAMES", 20)
         assert chosen(DynamicalOptions()) is CompiledSolver
-
-
-def test_no_folder_for_compiled_code_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where numba finds no place for a cache it raises as the function is decorated."""
-
-    def njit(function: Any = None, *, cache: bool = False) -> Any:
-        if cache:
-            raise RuntimeError("cannot cache function: no locator available")
-        return function
-
-    monkeypatch.setattr(kernel, "kept", True)
-    monkeypatch.setattr(kernel, "njit", njit)
-
-    def twice(x: float) -> float:
-        return 2 * x
-
-    assert kernel._jit(twice)(3.0) == 6.0
-    assert kernel.kept is False

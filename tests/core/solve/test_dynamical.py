@@ -12,7 +12,7 @@ from retarget import formats, robots
 from retarget.core import mapping, rotations
 from retarget.core.errors import SolverError, UsageError
 from retarget.core.robot_model import RobotModel
-from retarget.core.solve import dynamical
+from retarget.core.solve import dynamical, kernel_choice
 from retarget.core.solve.dynamical import DynamicalOptions, solve
 from retarget.core.solve.limits import nearest_feasible
 from retarget.core.solve.newton import FrameSolver, NewtonOptions
@@ -235,7 +235,7 @@ class TestStarts:
 def test_a_compiled_kernel_that_is_not_installed_is_a_usage_error(
     model: Models, swinging: Swinging, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dynamical, "find_spec", lambda _: None)
+    monkeypatch.setattr(kernel_choice, "find_spec", lambda _: None)
     g1 = model("g1")
     with pytest.raises(UsageError, match="pip install numba"):
         solve(orientation_problem(swinging(g1, 5), g1, free_base=True), DynamicalOptions(kernel="compiled"))

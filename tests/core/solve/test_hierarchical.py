@@ -16,7 +16,8 @@ from retarget.core.kinematics import link_poses
 from retarget.core.mapping.heading import without_heading
 from retarget.core.profile import Hierarchy
 from retarget.core.robot_model import RobotModel
-from retarget.core.solve.hierarchical import HierarchicalOptions, HierarchicalSolution, solve
+from retarget.core.solve import hierarchical
+from retarget.core.solve.hierarchical import HierarchicalOptions, HierarchicalSolution, HierarchicalSolver, solve
 from retarget.core.solve.problem import coupled_rows
 from retarget.core.types import FRAME_MARKED, Array, HumanMotion, Targets, Task
 from scipy.spatial.transform import Rotation
@@ -142,6 +143,36 @@ def test_control_steps_follow_the_largest_gain(model: Callable[[str], RobotModel
     assert steps(5000.0, HierarchicalOptions(first_steps=5)) == 100
     assert steps(100.0, HierarchicalOptions(first_steps=5)) == 20
     assert steps(0.0, HierarchicalOptions(control_step_s=1.0, first_steps=5)) == 2
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_compiled_it_is_the_same(model: Callable[[str], RobotModel], name: str) -> None:
+    """Whole clips of reachable targets. (Far beyond reach a last bit of the start decides where NumPy's own goes.)"""
+    pytest.importorskip("numba", reason="numba is not there for this Python")
+    robot = model(name)
+    targets = paper_targets(robot, upper_body_motion(robot, FRAMES), RATE_HZ, turned=0.1)
+    by_numpy, compiled = (
+        solve(targets, robot, HierarchicalOptions(first_steps=300, kernel=kernel)) for kernel in ("numpy", "compiled")
+    )
+    np.testing.assert_allclose(compiled.joints, by_numpy.joints, atol=1e-8)
+    np.testing.assert_allclose(compiled.level_residual, by_numpy.level_residual, atol=1e-5)
+    np.testing.assert_array_equal(compiled.iterations, by_numpy.iterations)
+    assert compiled.levels_without_freedom == by_numpy.levels_without_freedom
+    assert compiled.first_steps == by_numpy.first_steps
+
+
+def test_the_kernel_goes_by_the_number_of_control_steps(
+    model: Callable[[str], RobotModel], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two frames 20 ms apart at steps of 1 ms: 20."""
+    pytest.importorskip("numba", reason="numba is not there for this Python")
+    robot = model("talos")
+    task = Task(robot.links["LeftHand"], "orientation", np.tile([1.0, 0, 0, 0], (2, 1)))
+    targets = Targets(np.arange(2) / 50, (task,))
+    for steps, kind in ((21, "Freedom"), (20, "CompiledFreedom")):
+        monkeypatch.setattr(hierarchical, "COMPILED_STEPS", steps)
+        monkeypatch.setattr(hierarchical, "UNKEPT_STEPS", steps)
+        assert HierarchicalSolver(targets, robot, HierarchicalOptions()).freedom.__name__ == kind
 
 
 def test_other_mappings_are_one_level(model: Callable[[str], RobotModel], motion: Callable[[str], HumanMotion]) -> None:
