@@ -84,7 +84,7 @@ if TYPE_CHECKING:
 @o.choice(
     "--kernel",
     of=["auto", "numpy", "compiled"],
-    text="Solver code, the same results: compiled takes 15 s the first time; auto takes it for long clips.",
+    text="Solver code, the same results: compiled takes some seconds the first time (15, or 4 for hands); auto takes it for long clips.",
 )
 @click.option(
     "--human",
