@@ -28,6 +28,11 @@ from retarget.samples.walking_upper_body import upper_body_in_walking
 
 FADE: Final = 0.42
 """Share of a swing in which the difference from the norm fades after toe-off, and in which it builds up before heel strike."""
+FADE_AT_REST: Final = 0.65
+"""The same for the swings out of standing and into it, whose differences are larger: faster, and the thigh would accelerate twice as hard as in
+steady walking, which no person's does."""
+TOES_AT_REST_DEG: Final = 14.0
+"""What the ankle of these lifts the toes more: with the thigh sooner where it will stand, they would graze the floor."""
 LIFT_DEG: Final = {"hip_flexion": 5.0, "knee_flexion": 8.0, "ankle_dorsiflexion": 4.0}
 TOES_UP_DEG: Final = 24.0
 """What is added to the norm in swing to clear the floor: a hump on three joints, and toes held up (the norm has no toe joint)."""
@@ -45,10 +50,16 @@ class Swing:
     def angles(self, time: Array) -> Array:
         """(T, 9) rad, columns `legs.ANGLES`."""
         begin, finish, rest = self.before.toe_off, self.after.strike, curves.zero(len(legs.ANGLES))
-        faded, built = begin + FADE * (finish - begin), finish - FADE * (finish - begin)
+        at_rest = np.isinf(self.before.strike) or np.isinf(self.after.toe_off)
+        fade = (FADE_AT_REST if at_rest else FADE) * (finish - begin)
+        faded, built = begin + fade, finish - fade
         fading = curves.bridge(np.minimum(time, faded), begin, faded, self.start, rest)
         building = curves.bridge(np.maximum(time, built), built, finish, rest, self.end)
-        return np.asarray(swing_norm(self.before, time) + fading + building)
+        angles = swing_norm(self.before, time) + fading + building
+        if at_rest:
+            lift = np.radians(TOES_AT_REST_DEG) * 64 * curves.hump(np.clip(time, begin, finish), begin, finish)
+            angles[:, legs.ANGLES.index("ankle_dorsiflexion")] += lift
+        return np.asarray(angles)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from retarget.core.segments import FOOT_CONTACTS, SEGMENTS
-from retarget.samples import exercises, normative, steps
+from retarget.samples import exercises, legs, normative, steps
 from retarget.samples.gait import Walk
 from scipy.spatial.transform import Rotation
 
@@ -214,6 +214,16 @@ def test_walking_legs_accelerate_as_legs_do(truth: Documents) -> None:
             i, j = SEGMENTS.index(f"{side}{child}"), SEGMENTS.index(parent if parent == "Pelvis" else f"{side}{parent}")
             relative = motion.angular_velocity[:, i] - motion.angular_velocity[:, j]
             assert np.linalg.norm(np.diff(relative, axis=0), axis=1).max() * 60 < 175, f"{side}{child}"
+
+
+def test_the_first_and_the_last_step_are_no_harder_than_the_others() -> None:
+    """Thigh and shank: out of standing and into it a leg accelerates at most a quarter harder than in steady walking."""
+    walk, time = Walk.planned(), np.arange(0, steps.DURATION, 1 / 240)
+    steady = (time > 3.5) & (time < 9.0)
+    for side in ("Left", "Right"):
+        hip_and_knee = walk.leg(side, time)[:, [legs.ANGLES.index("hip_flexion"), legs.ANGLES.index("knee_flexion")]]
+        acceleration = np.abs(np.gradient(np.gradient(hip_and_knee, time, axis=0), time, axis=0))
+        assert (acceleration.max(axis=0) < 1.25 * acceleration[steady].max(axis=0)).all(), side
 
 
 def _steady_strides(content: Any, side: str) -> list[np.ndarray]:
