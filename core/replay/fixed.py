@@ -16,6 +16,7 @@ from retarget.core.replay.fixed_measures import FixedMeasures
 from retarget.core.replay.gains import NATURAL_FREQUENCY_RAD_S, Gains, GainSource, gains
 from retarget.core.replay.model import ReplayModel
 from retarget.core.replay.reference import Reference
+from retarget.core.replay.reference_torque import ReferenceTorque
 from retarget.core.replay.thresholds import Thresholds
 from retarget.core.replay.torque_law import CONTROL_RATE_HZ, controlled_model
 from retarget.core.replay.torque_loop import Signals, run
@@ -74,13 +75,14 @@ def replay(
         measures.add(signals)
         if log is not None:
             log(signals)
-    checks = _Checks(model, thresholds, measures, reference)
+    asked = ReferenceTorque.of(reference, model)
+    checks = _Checks(model, thresholds, measures, reference, asked)
     return ValidationReport(
         trajectory.robot or model.robot.profile.name,
         tuple(checks.all()),
         _series(model, measures),
         mode="fixed",
-        facts=_facts(trajectory, model, options, chosen, measures),
+        facts=_facts(trajectory, model, options, chosen, measures, asked),
     )
 
 
@@ -88,11 +90,16 @@ class _Checks:
     """The report's checks, each with the joint and the time at fault."""
 
     def __init__(
-        self, model: ReplayModel, thresholds: Thresholds, measures: FixedMeasures, reference: Reference
+        self,
+        model: ReplayModel,
+        thresholds: Thresholds,
+        measures: FixedMeasures,
+        reference: Reference,
+        asked: ReferenceTorque,
     ) -> None:
         self.names = model.robot.joint_names
         self.turning = _turning(model)
-        self.check, self.measures, self.reference = thresholds.check, measures, reference
+        self.check, self.measures, self.reference, self.asked = thresholds.check, measures, reference, asked
 
     def all(self) -> Iterator[Check]:
         yield self.completed()
@@ -137,7 +144,7 @@ class _Checks:
         """How near the motors come to their limits."""
         measures = self.measures
         if not np.isfinite(measures.limit).any():
-            for name in ("torque_saturation_percent", "torque_peak_ratio"):
+            for name in ("torque_saturation_percent", "torque_peak_ratio", "reference_torque_ratio_max"):
                 yield self.check(name, None, "no joint's torque limit is known")
         else:
             percent, note, where, when = 100.0 * measures.saturated_steps / max(measures.steps, 1), "", "", None
@@ -147,6 +154,9 @@ class _Checks:
                 share = 100.0 * measures.joint_saturated_steps[worst] / measures.steps
                 others = int(np.count_nonzero(measures.joint_saturated_steps)) - 1
                 note = f"{share:.3g} % there, from then on" + (f"; {others} more joints" if others else "")
+                asked = float(self.asked.ratio[worst])
+                note += f"; the motion itself asks for {asked:.3g} of the limit there"
+                note += ", the rest is the controller's" if asked <= 1 else ""
             yield self.check("torque_saturation_percent", percent, note, where=where, time_s=when)
             at = int(measures.torque_ratio.argmax())
             yield self.check(
@@ -156,8 +166,24 @@ class _Checks:
                 where=self.names[at],
                 time_s=float(measures.peak_torque_s[at]),
             )
+            yield self.asked_for()
         strongest = int(measures.rms_torque.argmax())
         yield self.check("torque_rms_nm", float(measures.rms_torque[strongest]), where=self.names[strongest])
+
+    def asked_for(self) -> Check:
+        """What the motion itself takes, whatever the controller."""
+        asked = self.asked
+        at = int(asked.ratio.argmax())
+        note = f"{asked.peak[at]:.3g} of {self.measures.limit[at]:.3g} Nm"
+        if asked.any_over_percent:
+            note += f"; above the limit {asked.any_over_percent:.3g} % of the time"
+        return self.check(
+            "reference_torque_ratio_max",
+            float(asked.ratio[at]),
+            note,
+            where=self.names[at],
+            time_s=float(asked.time_s[at]),
+        )
 
     def powers(self) -> Iterator[Check]:
         """What the motors give, and whether the simulation's energy adds up."""
@@ -190,7 +216,12 @@ def _series(model: ReplayModel, measures: FixedMeasures) -> dict[str, Array]:
 
 
 def _facts(
-    trajectory: JointTrajectory, model: ReplayModel, options: FixedOptions, chosen: Gains, measures: FixedMeasures
+    trajectory: JointTrajectory,
+    model: ReplayModel,
+    options: FixedOptions,
+    chosen: Gains,
+    measures: FixedMeasures,
+    asked: ReferenceTorque,
 ) -> dict[str, Any]:
     turning, rms_error, rms_torque = _turning(model), measures.rms_error, measures.rms_torque
     joints = {}
@@ -205,6 +236,9 @@ def _facts(
             "torque_peak_nm": float(measures.peak_torque[i]),
             "torque_peak_s": float(measures.peak_torque_s[i]),
             "torque_limit_nm": limit if np.isfinite(limit) else None,
+            "reference_torque_peak_nm": float(asked.peak[i]),
+            "reference_torque_peak_s": float(asked.time_s[i]),
+            "reference_torque_over_percent": float(asked.over_percent[i]),
             "saturated_percent": 100.0 * float(measures.joint_saturated_steps[i]) / max(measures.steps, 1),
             "stiffness_nm_rad": float(chosen.stiffness[i]),
             "damping_nms_rad": float(chosen.damping[i]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from retarget.core.errors import MotionError
 from retarget.core.replay.match import matched
 from retarget.core.replay.spline import CubicSpline
@@ -45,11 +46,12 @@ class Reference:
 
     def time(self, first: int, stop: int) -> Array:
         """Times (stop − first,) s of control steps `first` to `stop` − 1, on the trajectory's own clock."""
-        return self.start_s + self._elapsed(first, stop)
+        return np.asarray(self.start_s + self.step_s * np.arange(first, stop), np.float64)
 
     def positions(self, first: int, stop: int) -> Array:
         """Positions (stop − first, n) at these control steps; before the first and after the last they are extrapolated."""
-        return self.spline(self._elapsed(first, stop))
+        return self.at(np.arange(first, stop))
 
-    def _elapsed(self, first: int, stop: int) -> Array:
-        return np.asarray(self.step_s * np.arange(first, stop), np.float64)
+    def at(self, steps: NDArray[np.int64]) -> Array:
+        """Positions (K, n) at control steps (K,)."""
+        return self.spline(np.asarray(self.step_s * steps, np.float64))

@@ -86,6 +86,8 @@ FIXED = (
     Threshold("joint_tracking_peak_mm", "mm", 50, "of sliding joints, for robots that have some"),
     Threshold("torque_saturation_percent", "%", 1, "part of the time with any joint at its limit: touching it is use, staying there is failure"),
     Threshold("torque_peak_ratio", "", None, "largest torque beside the joint's limit; saturation says whether it mattered"),
+    Threshold("reference_torque_ratio_max", "", None, "torque that the motion itself asks for, by inverse dynamics, beside the limit: above 1 no controller "
+              "can follow just then, below it saturation is the controller's doing"),
     Threshold("torque_rms_nm", "Nm", None, "of the joint that works hardest; what heats a motor depends on the motor"),
     Threshold("power_peak_w", "W", None, "mechanical, all motors that give power together; what the supply bears depends on the robot"),
     Threshold("power_mean_w", "W", None, "mechanical, given by the motors"),

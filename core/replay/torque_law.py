@@ -78,13 +78,14 @@ def friction_torque(replay: ReplayModel, velocity: Array, next_velocity: Array) 
 
 
 class InverseDynamics:
-    """M(q) q̈ + C(q, q̇) q̇ along a reference: what the law's gravity term and feedback leave to be asked for."""
+    """M(q) q̈ + C(q, q̇) q̇ along a reference, what the law's gravity term and feedback leave to be asked for; on request + g(q)."""
 
-    def __init__(self, replay: ReplayModel) -> None:
+    def __init__(self, replay: ReplayModel, *, gravity: bool = False) -> None:
         """`replay`: fixed base."""
         self._replay = replay
         self._model = copy.deepcopy(replay.mj)
-        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+        if not gravity:
+            self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
         self._data = mujoco.MjData(self._model)
 
     def torque(self, position: Array, velocity: Array, acceleration: Array) -> Array:

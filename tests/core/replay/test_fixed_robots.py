@@ -51,7 +51,14 @@ def report_of(
 
 @pytest.mark.parametrize(
     ("robot", "sample", "rmse_deg"),
-    [("g1", "walk", 0.3), ("g1", "squat", 0.3), ("icub", "walk", 0.8), ("icub", "reach", 0.8), ("talos", "reach", 1.5)],
+    [
+        ("g1", "walk", 0.3),
+        ("g1", "squat", 0.3),
+        ("icub", "walk", 0.8),
+        ("icub", "reach", 0.8),
+        ("talos", "walk", 1.5),
+        ("talos", "reach", 1.5),
+    ],
 )
 def test_robots_follow_within_their_motors_limits(
     report_of: Callable[..., ValidationReport], robot: str, sample: str, rmse_deg: float
@@ -72,6 +79,25 @@ def test_baxters_shoulder_cannot_hold_the_stretched_arm(report_of: Callable[...,
     assert check.where in ("left_s1", "right_s1")
     assert check.value is not None
     assert check.value > 10
+
+
+def test_baxters_shoulder_is_asked_for_more_than_it_has(report_of: Callable[..., ValidationReport]) -> None:
+    check = report_of("baxter", "reach").check("reference_torque_ratio_max")
+    assert check.value is not None
+    assert check.value > 1.1
+    assert check.where.endswith("_s1")
+
+
+def test_what_tocabis_own_gains_saturate_its_motors_can_do(report_of: Callable[..., ValidationReport]) -> None:
+    """The authors' gains damp a leg that swings in the air at a fifth of critical: it rings against its limit."""
+    own, fed = report_of("tocabi", "walk"), report_of("tocabi", "walk", FixedOptions(feed_forward=True))
+    saturated, asked = own.check("torque_saturation_percent"), own.check("reference_torque_ratio_max")
+    assert saturated.where.endswith("_HipPitch_Joint")
+    assert saturated.note.endswith("of the limit there, the rest is the controller's")
+    assert asked.value is not None
+    assert 0.6 < asked.value < 0.9
+    assert fed.check("torque_saturation_percent").value == 0
+    assert fed.check("reference_torque_ratio_max").value == asked.value
 
 
 def test_tocabi_has_its_authors_gains_and_follows(report_of: Callable[..., ValidationReport]) -> None:
@@ -129,15 +155,15 @@ def test_a_hand_pressed_into_the_torso_shows_with_self_collision(build_robot: Ro
     assert stopped.time_s > 1
 
 
-def test_halving_g1s_torque_limits_is_seen(
+def test_halving_talos_torque_limits_is_seen(
     trajectory_of: Callable[[str, str], JointTrajectory],
     model_of: Callable[[str], ReplayModel],
     report_of: Callable[..., ValidationReport],
 ) -> None:
-    model, ratio = model_of("g1"), report_of("g1", "walk").check("torque_peak_ratio")
+    model, ratio = model_of("talos"), report_of("talos", "walk").check("torque_peak_ratio")
     assert ratio.value is not None
     assert ratio.value > 0.5
-    halved = replay(trajectory_of("g1", "walk"), replace(model, torque_limit_nm=model.torque_limit_nm / 2))
+    halved = replay(trajectory_of("talos", "walk"), replace(model, torque_limit_nm=model.torque_limit_nm / 2))
     check = halved.check("torque_saturation_percent")
     assert check.passed is False
     assert check.where.replace("left", "right") == ratio.where.replace("left", "right")
