@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core.errors import UsageError
 from retarget.core.kinematics import link_poses
+from retarget.core.replay.mesh_contact import MeshContact
 from retarget.core.replay.model import ReplayModel
 from retarget.core.types import Array
+
+MOST_LOOKS = 2000
+"""Overlaps of one pair of links that are looked at mesh against mesh: half a minute at 60 Hz frame by frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +24,7 @@ class SelfCollisions:
 
     depth_m: (T,), of the deepest overlap in each frame, 0 where there is none. links: names that `pair` indexes. pair: (T, 2), the links that
     overlap deepest, -1 where none do. overlap_frame: (C,), overlap_pair: (C, 2), lower first, overlap_depth_m: (C,).
+    hulls_only: two links → depth m, of overlaps that were left out because only hulls had them, not the meshes.
     """
 
     depth_m: Array
@@ -28,6 +33,7 @@ class SelfCollisions:
     overlap_frame: NDArray[np.int64]
     overlap_pair: NDArray[np.int64]
     overlap_depth_m: Array
+    hulls_only: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def by_pair(self) -> dict[tuple[str, str], tuple[float, int, int]]:
         """Two links → (deepest overlap m, its frame, number of frames in which they overlap), deepest first."""
@@ -43,12 +49,18 @@ class SelfCollisions:
 
 
 def self_collisions(
-    replay: ReplayModel, joints: Array, base_orientation: Array | None = None, base_position: Array | None = None
+    replay: ReplayModel,
+    joints: Array,
+    base_orientation: Array | None = None,
+    base_position: Array | None = None,
+    *,
+    doubted_m: float | None = None,
 ) -> SelfCollisions:
     """Where the robot's solid shapes overlap at joints (T, n); base pose as wxyz (T, 4) and m (T, 3), which only matters to the floor.
 
-    Meshes count as their convex hulls; `replay.excluded` pairs of bodies and shapes of one body are not judged. Raises `UsageError` for a model built without
-    `self_collision`, which could see nothing.
+    Meshes count as their convex hulls; `replay.excluded` pairs of bodies and shapes of one body are not judged.
+    doubted_m: overlaps deeper than this are looked at again, mesh against mesh; those that are in the hulls alone are left out. None = none are.
+    Raises `UsageError` for a model built without `self_collision`, which could see nothing.
     """
     mj = replay.mj
     solid = [i for i in range(mj.ngeom) if mj.geom_bodyid[i] != 0]
@@ -69,7 +81,41 @@ def self_collisions(
         frames.append(np.full(int(robot.sum()), t))
         pairs.append(np.sort(pair[robot], axis=1))
         depths.append(depth[robot])
-    return _collected(len(joints), links, frames, pairs, depths)
+    found = _collected(len(joints), links, frames, pairs, depths)
+    return found if doubted_m is None else _verified(found, replay, np.asarray(joints), doubted_m)
+
+
+def _verified(found: SelfCollisions, replay: ReplayModel, joints: Array, doubted_m: float) -> SelfCollisions:
+    """`found` without what deeper than `doubted_m` is in the hulls alone.
+
+    Of each pair of links the deepest overlaps are tried first. Those deeper than the first real one are left out; where none is real, all of the
+    pair's are, as shallower ones come of the same hulls. Of more than `MOST_LOOKS` overlaps some are tried, equally far apart in time.
+    """
+    deep = found.overlap_depth_m > doubted_m
+    if not deep.any():
+        return found
+    meshes, kept, left_out = MeshContact(replay.robot), np.ones(len(deep), bool), {}
+    for pair in np.unique(found.overlap_pair[deep], axis=0):
+        first, second = (found.links[i] for i in pair)
+        own = np.flatnonzero((found.overlap_pair == pair).all(axis=1))
+        tried = own[deep[own]]
+        if len(tried) > MOST_LOOKS:
+            tried = tried[np.linspace(0, len(tried) - 1, MOST_LOOKS).astype(int)]
+        tried = tried[np.argsort(-found.overlap_depth_m[tried], kind="stable")]
+        frames = found.overlap_frame[tried]
+        met = meshes.first_meeting(first, second, joints[frames], frames)
+        out = own if met is None else own[found.overlap_depth_m[own] > found.overlap_depth_m[tried[met]]]
+        if len(out):
+            kept[out] = False
+            left_out[first, second] = float(found.overlap_depth_m[out].max())
+    checked = _collected(
+        len(found.depth_m),
+        found.links,
+        [found.overlap_frame[kept]],
+        [found.overlap_pair[kept]],
+        [found.overlap_depth_m[kept]],
+    )
+    return replace(checked, hulls_only=dict(sorted(left_out.items(), key=lambda item: -item[1])))
 
 
 def _postures(

@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from retarget.core.replay.model import ReplayModel
 
 MODE = "kinematic"
-
+HULL_ERROR_M = 0.02
+"""Overlaps of convex hulls that are deeper than this are only believed if the meshes meet, too; with a lower limit those beyond the limit."""
 
 Collide = Callable[[JointTrajectory], "SelfCollisions"]
 """Finds self-collisions of a trajectory whose joints stand in the model's order."""
@@ -49,13 +50,20 @@ def check(
 
     motion: the recording it was retargeted from, where it is at hand.
     series: (T,) each: "time", "problem/<joint or place>" (1 = at a limit) for a strip of problems over time, "foot_height_m/<side>" …
-    facts: "self_collision_pairs", deepest first, among others.
+    facts: "self_collision_pairs", deepest first; "self_collision_hulls_only", overlaps that were left out as the meshes don't meet; and others.
     Raises `InvalidDataError` for joints that are not the model's (`match.matched`).
     """
     from retarget.core.replay.collisions import self_collisions
 
+    limits = thresholds or Thresholds(MODE)
+    limit_mm = limits.limits["self_collision_depth_mm"]
+    doubted_m = HULL_ERROR_M if limit_mm is None else min(limit_mm / 1e3, HULL_ERROR_M)
     return check_numbers(
-        trajectory, replay.robot, thresholds, motion, lambda given: self_collisions(replay, given.position)
+        trajectory,
+        replay.robot,
+        limits,
+        motion,
+        lambda given: self_collisions(replay, given.position, doubted_m=doubted_m),
     )
 
 
@@ -75,6 +83,9 @@ def check_numbers(
     base, base_series = check_base(trajectory, model, limits)
     found = collide(trajectory) if collide else None
     touch, touch_series, pairs = _collisions(trajectory, limits, found)
+    hulls_only = [
+        {"links": list(links), "depth_mm": 1e3 * depth} for links, depth in (found.hulls_only if found else {}).items()
+    ]
     timing, timing_series = _timing(trajectory, limits)
     person, person_series = check_recording(trajectory, model, motion, limits)
     by_name = {entry.name: entry for entry in (*joints, *written, *touch, *base, *timing, *person)}
@@ -83,7 +94,12 @@ def check_numbers(
         checks=tuple(by_name[row.name] for row in KINEMATIC),
         series={"time": trajectory.time, **series, **base_series, **touch_series, **timing_series, **person_series},
         mode=MODE,
-        facts={"frames": trajectory.frames, "rate_hz": trajectory.rate_hz, "self_collision_pairs": pairs},
+        facts={
+            "frames": trajectory.frames,
+            "rate_hz": trajectory.rate_hz,
+            "self_collision_pairs": pairs,
+            "self_collision_hulls_only": hulls_only,
+        },
     )
 
 

@@ -87,9 +87,9 @@ def test_a_limit_that_is_unknown_or_zero_has_no_ratio(tmp_path: Path) -> None:
     assert found.ratio.tolist() == [0.0, 0.0]
     assert found.over_percent[0] == 0.0
     assert found.over_percent[1] > 99
-    check = replay(
-        moving(model, sines, 0.1, 100), replace(model, torque_limit_nm=np.array([np.inf, np.inf]))
-    ).check("reference_torque_ratio_max")
+    check = replay(moving(model, sines, 0.1, 100), replace(model, torque_limit_nm=np.array([np.inf, np.inf]))).check(
+        "reference_torque_ratio_max"
+    )
     assert (check.value, check.passed) == (None, None)
 
 
