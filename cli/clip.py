@@ -17,6 +17,7 @@ from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:
     from retarget.core.pipeline import ConvertResult
+    from retarget.core.replay.model import ReplayModel
     from retarget.core.robot_model import RobotModel
     from retarget.core.types import HumanMotion
 
@@ -41,6 +42,14 @@ def model_for(robot: str, motion: HumanMotion) -> RobotModel:
     return build(profile, motion) if profile.model.kind == "human" else robot_model(robot)
 
 
+@lru_cache(maxsize=16)
+def _solid_robot(robot: str) -> ReplayModel:
+    """The robot's shapes in MuJoCo, built once per process."""
+    from retarget.core.replay.model import build
+
+    return build(robot_model(robot), base="fixed", self_collision=True)
+
+
 def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
     """Read, convert and write `clip`; its record as `--json` prints it. Raises `RetargetError`, leaving nothing half-written."""
     from retarget import formats
@@ -52,6 +61,7 @@ def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
     model = model_for(clip.robot, motion)
     model_s = time.perf_counter() - started - read_s
     result = pipeline.convert(motion, model, pipeline.ConvertOptions(**(clip.options or {})), progress)
+    collide_s = _collide(clip, result) if clip.self_collision else {}
     person = result.motion if clip.human else None
     before_write = time.perf_counter()
     if clip.output == PIPE:
@@ -74,12 +84,22 @@ def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
     wall_s = time.perf_counter() - started
     if clip.report:
         _write_report(clip, result, model)
-    stages = {"read": read_s, "model": model_s, **result.timings_s, "write": write_s}
+    stages = {"read": read_s, "model": model_s, **result.timings_s, **collide_s, "write": write_s}
     if clip.rerun:
         from retarget.cli import rerun_log
 
         rerun_log.write(clip.rerun, result)
     return _record(clip, result, wall_s, stages)
+
+
+def _collide(clip: Clip, result: ConvertResult) -> dict[str, float]:
+    """Fill in `self_collision_fraction`; the time that took. A person's model, built from the recording, has no shapes: it stays null."""
+    from retarget.core.replay.kinematic import collision_fraction
+
+    begin = time.perf_counter()
+    if result.model.profile.model.kind != "human":
+        result.metrics["self_collision_fraction"] = collision_fraction(result.trajectory, _solid_robot(clip.robot))
+    return {"self-collision": time.perf_counter() - begin}
 
 
 def failed_record(clip: Clip, error: str) -> Record:

@@ -92,6 +92,11 @@ if TYPE_CHECKING:
     help="Write the person's frames along, for Foxglove and RViz: mcap, rosbag2; twice the size.",
 )
 @click.option(
+    "--self-collision",
+    is_flag=True,
+    help="Also count the frames in which links overlap by more than 20 mm (self_collision_fraction): about as long again.",
+)
+@click.option(
     "--rerun", metavar="DIR|FILE.rrd", help="Also write a Rerun recording of person, targets, robot and errors."
 )
 @click.option("--report", metavar="DIR|FILE.html", help="Also write an HTML page with plots.")
@@ -151,6 +156,7 @@ def _plan(
     style: str | None,
     csv_style: str | None,
     human: bool,
+    self_collision: bool,
     report: str | None,
     rerun: str | None,
     files_from: str | None,
@@ -212,6 +218,7 @@ def _plan(
         rerun=rerun,
         style=style,
         human=human,
+        self_collision=self_collision,
         overwrite=force,
         options=options,
         method=method,

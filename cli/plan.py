@@ -28,7 +28,7 @@ class Clip:
     input, output: paths, or "-" for stdin and stdout. robot: name or profile path as given; robot_name: the profile's own.
     format, style: of the output. human: whether the person is written along, where the format can. report, rerun: paths of the HTML page and
     the Rerun recording, "" for none. options: fields of `ConvertOptions`.
-    method: what the user asked for. calibration: path of the operator's, or None. log: what a tracker log doesn't say (`tracker_logs`).
+    self_collision: whether to look for it. method: what the user asked for. calibration: path of the operator's, or None. log: what a tracker log doesn't say (`tracker_logs`).
     """
 
     input: str
@@ -39,6 +39,7 @@ class Clip:
     style: str | None = None
     overwrite: bool = False
     human: bool = True
+    self_collision: bool = False
     report: str = ""
     rerun: str = ""
     options: Mapping[str, Any] | None = None

@@ -35,6 +35,10 @@ def clip_notes(record: Record) -> list[str]:
         notes.append(f"not measured, kept in the reference posture: {grouped(missing)}")
     if marked := metrics["marked_frames"]:
         notes.append(f"{marked} frames could not be solved and hold the last good posture (status 1 in the output)")
+    if collided := metrics["self_collision_fraction"]:
+        notes.append(
+            f"links overlap by more than 20 mm in {100 * collided:.3g} % of the frames (retarget validate says which, and when)"
+        )
     return notes
 
 

@@ -49,6 +49,7 @@ def measure(
         "jerk_rms_rad_s3": jerk_rms(trajectory),
         "foot_skate_m_s": skate,
         "ground_penetration_mm": penetration,
+        # Looking for it takes as long again as converting: only done where it is asked for (`core.replay.kinematic.collision_fraction`).
         "self_collision_fraction": None,
         "marked_frames": int(np.count_nonzero(trajectory.status)),
         "unmeasured_segments": list(motion.unmeasured_segments),

@@ -67,6 +67,17 @@ def check(
     )
 
 
+def collision_fraction(trajectory: JointTrajectory, replay: ReplayModel) -> float | None:
+    """Part of the frames in which links overlap by more than `HULL_ERROR_M`, which `check` doesn't let pass by default; None for robots without shapes.
+
+    `replay` is built with `self_collision`, and the trajectory's joints stand in its order.
+    """
+    from retarget.core.replay.collisions import self_collisions
+
+    found = self_collisions(replay, trajectory.position, doubted_m=HULL_ERROR_M)
+    return float((found.depth_m > HULL_ERROR_M).mean()) if found.links else None
+
+
 def check_numbers(
     trajectory: JointTrajectory,
     model: RobotModel,

@@ -60,7 +60,8 @@ KINEMATIC = (
     Threshold("joint_jump_max_rad", "rad", 0.3, "a step that stands out from the steps around it; at 30 Hz the fastest motions reach 0.2"),
     Threshold("joints_off_written_range", "", 0, "a joint outside the range that its file says it was written with is another joint, or was changed "
               "since"),
-    Threshold("self_collision_depth_mm", "mm", 20, "collision shapes are convex hulls, thicker than the links by up to two centimetres"),
+    Threshold("self_collision_depth_mm", "mm", 20, "of convex hulls, which overlap up to 18 mm deeper than the links' meshes (measured on G1, iCub, TALOS); deeper ones "
+              "are believed only if the meshes meet"),
     Threshold("self_collision_percent", "%", None, "part of the frames in which links touch: how much of it is a touch that was meant "
               "(hands folded) only the author knows"),
     Threshold("ground_penetration_mm", "mm", 10, "what soles and a controller's compliance forgive"),

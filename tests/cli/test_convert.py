@@ -80,6 +80,16 @@ def test_json_holds_the_contract_and_the_numbers_agree_with_the_file(run: Run, w
     assert record["provenance"]["robot_model_sha256"] == trajectory.provenance["robot_model_sha256"]
 
 
+def test_self_collision_is_looked_for_on_request(run: Run, walk: Path) -> None:
+    result = run("convert", walk, "--robot", "tocabi", "--json", "-o", "a.h5")
+    assert json.loads(result.stdout)["metrics"]["self_collision_fraction"] is None
+    result = run("convert", walk, "--robot", "tocabi", "--json", "-o", "b.h5", "--self-collision")
+    record = json.loads(result.stdout)
+    assert record["metrics"]["self_collision_fraction"] == 0.0
+    assert record["stages_s"]["self-collision"] > 0
+    assert_same(formats.read_trajectory("a.h5"), formats.read_trajectory("b.h5"))
+
+
 @pytest.mark.parametrize("name", ["walk.csv", "walk.h5", "walk.npz", "walk.mcap"])
 def test_the_suffix_chooses_the_format(run: Run, walk: Path, name: str) -> None:
     run("convert", walk, "--robot", "g1", "-o", "reference.mcap", "-q")

@@ -127,6 +127,12 @@ def test_a_lower_limit_doubts_more(gantry: ReplayModel) -> None:
     assert left_out["depth_mm"] == pytest.approx(10, abs=1e-3)
 
 
+def test_the_fraction_counts_what_is_deep_and_real(gantry: ReplayModel) -> None:
+    places = np.array([(0.15, 0.0, 0.135), WALL, BESIDE, BESIDE, (0.05, 0.0, 0.22)]) - [1.0, 0.0, 0.0]
+    motion = JointTrajectory(np.arange(5) / 60, gantry.robot.joint_names, places, np.zeros((5, 3)))
+    assert kinematic.collision_fraction(motion, gantry) == pytest.approx(1 / 5)
+
+
 def test_baxters_elbow_passes_its_torso(
     clip: Callable[..., tuple[JointTrajectory, RobotModel]], replayed: Callable[..., ReplayModel]
 ) -> None:
