@@ -171,6 +171,8 @@ def _read_gmr(name: str, arrays: Arrays, options: TrajectoryOptions) -> JointTra
     if options.quaternion_order is None:
         warnings.append("root_rot taken as x y z w, as GMR saves it")
     time = _time(name, arrays, len(position), options)
+    if len(time) != len(position):
+        raise FormatError(name, f"found shape {time.shape}", place="time", expected=f"({len(position)},), as dof_pos")
     return _trajectory.build(
         name,
         [*warnings, "velocity missing: differentiated from the positions"],

@@ -99,11 +99,14 @@ def test_empty_files_wrong_content_and_no_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("metadata", "problem"),
     [
-        ("rosbag2_bagfile_information:\n  version: 99\n", "Rosbag2 version 99 not supported"),
-        ("rosbag2_bagfile_information:\n  version: 5\n", "A metadata key is missing"),
-        ("rosbag2_bagfile_information: [", "Could not load YAML"),
-        ("rosbag2_bagfile_information: !!python/object/apply:os.system ['true']", "Could not load YAML"),
-        ("rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths: [../../secret.db3]\n", "missing"),
+        ("rosbag2_bagfile_information:\n  version: 99\n", "rosbag2 version 99; expected 1 to 9"),
+        ("rosbag2_bagfile_information:\n  version: 5\n", "storage_identifier None; expected mcap or sqlite3"),
+        ("rosbag2_bagfile_information: [", "not YAML"),
+        ("rosbag2_bagfile_information: !!python/object/apply:os.system ['true']", "not YAML"),
+        (
+            "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  relative_file_paths: [../../secret.db3]\n",
+            "file secret.db3 is missing",
+        ),
     ],
 )
 def test_metadata_of_a_folder_that_is_nonsense(tmp_path: Path, metadata: str, problem: str) -> None:
@@ -220,3 +223,18 @@ def test_real_recordings_without_poses_say_what_they_hold() -> None:
     assert len(found) == 5
     for path in found:
         assert "no poses: found /" in _line(path)
+
+
+@pytest.mark.parametrize("text", ["a = " + "9" * 5000, "a = " + "[" * 5000, "a = [", b"\xff".decode("latin-1"), "\0"])
+def test_a_frames_map_that_is_no_toml(tmp_path: Path, text: str) -> None:
+    frames = tmp_path / "map.toml"
+    frames.write_text(text, encoding="latin-1")
+    with pytest.raises(UsageError, match=r"^--frames .*/map\.toml: not TOML: "):
+        formats.read_recording(_recordings(tmp_path)["bag"], options=TrackerOptions(frames=frames))
+
+
+def test_names_that_break_lines_do_not(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    name = "std_msgs/msg/String"
+    path.write_bytes(mcap_bytes([("/a\n\x1b[2Jb", name, "ros2msg", "cdr", b"")], [("/a\n\x1b[2Jb", 1, b"\0\1\0\0")]))
+    assert r"found /a\n\x1b[2Jb (std_msgs/String)" in _line(path)
