@@ -55,7 +55,13 @@ def read(stream: BinaryIO, name: str, wanted: Callable[[str], bool]) -> Iterator
                     yield item
             return
         with path.open("rb") as content:
-            ros1 = content.read(len(BAG_MAGIC)) == BAG_MAGIC
+            head = content.read(len(SQLITE_MAGIC))
+        ros1 = head.startswith(BAG_MAGIC)
+        if not ros1 and head != SQLITE_MAGIC:
+            problem = f"can't be read as a recording: starts with {head!r}"
+            raise FormatError(
+                name, problem, expected="a bag of ROS 1 (#ROSBAG V2.0) or a .db3 of ROS 2 (SQLite format 3)"
+            )
         yield from (_bag_storage.read_ros1 if ros1 else _bag_storage.read_sqlite)(path, name, by_type)
 
 

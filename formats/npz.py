@@ -206,6 +206,11 @@ def _joint_names(
 
 
 def _load(stream: BinaryIO, name: str) -> dict[str, NDArray[Any]]:
+    start = stream.tell()
+    head = stream.read(4)
+    stream.seek(start)
+    if head[:2] != b"PK":
+        raise FormatError(name, f"not a readable NPZ archive: starts with {head!r}", expected="a ZIP archive of arrays")
     try:
         with np.load(stream, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):

@@ -62,7 +62,7 @@ def _stamp(frame: int) -> int:
     return START_NS + frame * 10_000_000
 
 
-def _trackers(ros: Ros) -> list[Sent]:
+def trackers(ros: Ros) -> list[Sent]:
     """A tree of three frames, one of them static, and poses beside it."""
     fixed = ros.transform(START_NS, "world", "room", np.array([0.0, 0.0, 0.1]), _TURNED)
     sent = [Sent("/tf_static", TF, START_NS, ros.tf(fixed))]
@@ -92,16 +92,24 @@ def bags() -> Sequence[bytes]:
 
     ros = Ros(1)
     with tempfile.TemporaryDirectory() as folder:
-        plain = write_bag(Path(folder) / "a.bag", ros, _trackers(ros)).read_bytes()
+        plain = write_bag(Path(folder) / "a.bag", ros, trackers(ros)).read_bytes()
         links = write_bag(Path(folder) / "b.bag", ros, _suit(ros)).read_bytes()
         packed = Writer1(Path(folder) / "c.bag")
         packed.set_compression(Writer1.CompressionFormat.LZ4)
         with packed:
             connection = packed.add_connection("/tf", TF, typestore=ros.store)
-            for sent in _trackers(ros):
+            for sent in trackers(ros):
                 if sent.topic == "/tf":
                     packed.write(connection, sent.log_time, ros.store.serialize_ros1(sent.message, TF))
         return [plain, links, (Path(folder) / "c.bag").read_bytes()]
+
+
+def talk() -> bytes:
+    """A bag of one message that is no pose."""
+    ros = Ros(1)
+    with tempfile.TemporaryDirectory() as folder:
+        text = Sent("/chatter", "std_msgs/msg/String", START_NS, ros.text("hello"))
+        return write_bag(Path(folder) / "a.bag", ros, [text]).read_bytes()
 
 
 @cache
@@ -109,7 +117,7 @@ def databases() -> Sequence[bytes]:
     """`.db3` in small pages: with the definitions of its messages, and an old one without."""
     ros, found = Ros(2), []
     with tempfile.TemporaryDirectory() as folder:
-        for name, sent in (("trackers", _trackers(ros)), ("suit", _suit(ros))):
+        for name, sent in (("trackers", trackers(ros)), ("suit", _suit(ros))):
             path = storage(write_folder(Path(folder) / name, ros, sent))
             connection = sqlite3.connect(path, isolation_level=None)
             if name == "trackers":
@@ -128,7 +136,7 @@ def folder_files() -> dict[str, bytes]:
     ros, found = Ros(2), {}
     with tempfile.TemporaryDirectory() as folder:
         for name, mcap in (("sqlite", False), ("mcap", True)):
-            path = write_folder(Path(folder) / name, ros, _trackers(ros), mcap=mcap)
+            path = write_folder(Path(folder) / name, ros, trackers(ros), mcap=mcap)
             found[f"{name}.yaml"] = (path / "metadata.yaml").read_bytes()
             found[storage(path).name] = storage(path).read_bytes()
     return found
@@ -182,7 +190,7 @@ LINKS_DEFINITION = (
 def mcaps() -> Sequence[bytes]:
     """A person's recordings: trackers, link states with their definition, an array of poses that nobody names, Foxglove's messages."""
     ros = Ros(2)
-    sent = _trackers(ros)
+    sent = trackers(ros)
     at = np.array([[0.1, 0.2, 1.0], [0.0, 0.0, 1.3]])
     several = [
         Sent("/mocap", ARRAY, _stamp(i), ros.pose_array(_stamp(i), "world", at + 0.1 * i, np.tile(_WXYZ, (2, 1))))
@@ -195,6 +203,11 @@ def mcaps() -> Sequence[bytes]:
         _foxglove("json"),
         _foxglove("protobuf"),
     ]
+
+
+def empty_mcap() -> bytes:
+    """A recording without messages."""
+    return _mcap({}, [])
 
 
 def robot_mcap() -> bytes:
