@@ -69,6 +69,7 @@ def read_sqlite(path: Path, name: str, wanted: Wanted) -> Iterator[Batch | Unrea
     with _one_line(name), ExitStack() as stack:
         from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+        path.open("rb").close()  # SQLite doesn't say why it can't
         # rosbags makes a URI of it.
         quoted = Path(quote(str(path.absolute())))
         _check_tables(path, name)

@@ -181,7 +181,7 @@ def expected_line(name: str, kind: str) -> tuple[str, int]:
     if kind == ABSENT:
         return r": no such file", 2
     if kind == UNREADABLE:
-        return r": permission denied", 2
+        return (r": can't be read: permission denied", 1) if SAMPLES[name].part else (r": not readable", 2)
     if kind == FOLDER:
         return f": {LINES[name][kind]}", 2
     return LINES[name][kind], 2 if (name, kind) in USAGE else 1
