@@ -129,11 +129,35 @@ def test_nothing_of_a_person(tmp_path: Path) -> None:
     assert 'found map, pelvys; nearest: Pelvis = "pelvys"; expected --frames map.toml' in line
 
 
-def test_a_static_transform_that_is_none(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("x", "w", "found"),
+    [
+        (0.1, np.nan, "[0.1, 0.2, 1.0, nan, 0.0, 0.0, 0.0]"),
+        (0.1, 1e308, "[0.1, 0.2, 1.0, 1e+308, 0.0, 0.0, 0.0]"),
+        (1e308, 1.0, "[1e+308, 0.2, 1.0, 1.0, 0.0, 0.0, 0.0]"),
+    ],
+)
+def test_a_static_transform_that_is_none(tmp_path: Path, x: float, w: float, found: str) -> None:
     ros = Ros(2)
-    fixed = ros.tf(ros.transform(START_NS, "map", "world", POSE[0], np.array([np.nan, 0.0, 0.0, 0.0])))
+    fixed = ros.tf(ros.transform(START_NS, "map", "world", np.array([x, 0.2, 1.0]), np.array([w, 0.0, 0.0, 0.0])))
     path = write_folder(tmp_path / "static", ros, [Sent("/tf_static", TF, START_NS, fixed), *_sent(ros)])
-    assert "topic /tf_static, world in map: found [0.1, 0.2, 1.0, nan, 0.0, 0.0, 0.0]" in _line(path)
+    assert f"topic /tf_static, world in map: found {found}" in _line(path)
+
+
+@pytest.mark.parametrize("x", [1e308, 1e200])
+def test_a_moving_frame_that_is_beyond_numbers(tmp_path: Path, x: float) -> None:
+    """Positions that overflow when composed with the frame above."""
+    ros = Ros(2)
+    sent = []
+    for stamp in stamps(np.arange(20) / 90.0):
+        for parent, child in (("map", "world"), ("world", "waist")):
+            at = np.array([x, x, 1.0])
+            sent.append(
+                Sent("/tf", TF, stamp, ros.tf(ros.transform(stamp, parent, child, at, np.array([0.6, 0, 0.8, 0]))))
+            )
+    with np.errstate(all="raise"), contextlib.suppress(RetargetError):
+        found = formats.read_trackers(write_folder(tmp_path / "far", ros, sent))
+        assert np.isfinite(found.position).all()
 
 
 def test_joint_angles_of_an_xsens_driver_alone(tmp_path: Path) -> None:
