@@ -50,11 +50,18 @@ def test_seeds_are_good() -> None:
         assert target.read(target.seeds()[0]) is not None, target.name
 
 
+class TwoLines(RetargetError):
+    """What `RetargetError` itself never shows."""
+
+    def __str__(self) -> str:
+        return "two\nlines"
+
+
 @pytest.mark.parametrize(
     ("fault", "kind"),
     [
         (lambda: [][0], "IndexError"),
-        (lambda: _raise(RetargetError("two\nlines")), "not one line"),
+        (lambda: _raise(TwoLines()), "not one line"),
         (lambda: os.kill(os.getpid(), signal.SIGSEGV), "ended with -11"),
         (lambda: _loop(), "no answer"),
         (lambda: np.ones(8 << 20).sum(), "of memory"),
