@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import gzip
 import io
 import re
+import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -216,7 +218,9 @@ def _read_trajectory(name: str, options: TrajectoryOptions | None = None) -> Cal
 
 @cache
 def _folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="retarget-fuzz-"))
+    folder = tempfile.mkdtemp(prefix="retarget-fuzz-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _file(data: bytes, name: str) -> Path:
