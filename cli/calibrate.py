@@ -23,7 +23,7 @@ PICTURES = (".png", ".svg")
 
 
 @click.command(short_help="Make an operator's calibration of recordings of three poses.")
-@click.argument("inputs", nargs=-1, required=True, type=click.Path(allow_dash=True))
+@click.argument("inputs", nargs=-1, required=True, type=click.Path(allow_dash=True, readable=False))
 @click.option(
     "-o",
     "--output",

@@ -20,7 +20,7 @@ LONGEST_TEXT = 240
 
 
 @click.command(short_help="Say what is in a recording or a trajectory.")
-@click.argument("files", nargs=-1, required=True, type=click.Path(allow_dash=True))
+@click.argument("files", nargs=-1, required=True, type=click.Path(allow_dash=True, readable=False))
 @log_options(LOG_RATE)
 @o.as_json("Print one JSON object per file and line on stdout.")
 @o.speech

@@ -16,7 +16,7 @@ from retarget.core.errors import UsageError
 
 
 @click.command(short_help="Show a recording before it is converted: figures, gaps, contacts, what to watch for.")
-@click.argument("files", nargs=-1, required=True, type=click.Path(allow_dash=True))
+@click.argument("files", nargs=-1, required=True, type=click.Path(allow_dash=True, readable=False))
 @click.option("--report", metavar="FILE.html", help="The page; {stem} is filled in. [default: {stem}_inspect.html]")
 @click.option("--no-report", is_flag=True, help="Only the summary, no page.")
 @click.option("--calibration", metavar="FILE.json", help="The operator of a tracker log: shows it as a person.")

@@ -27,7 +27,7 @@ GAINS = ("auto", "profile", "inertia")
 
 
 @click.command(short_help="Replay trajectories in physics and give a verdict.")
-@click.argument("inputs", nargs=-1, type=click.Path(allow_dash=True))
+@click.argument("inputs", nargs=-1, type=click.Path(allow_dash=True, readable=False))
 @o.choice(
     "--mode",
     of=MODES,

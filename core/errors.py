@@ -13,6 +13,11 @@ LONGEST_MESSAGE = 1500
 """Characters: names and cells of a broken file can be as long as the file; a message stays one that can be read."""
 
 
+_INVISIBLE = (*range(0x20), *range(0x7F, 0xA0), 0x2028, 0x2029, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+_ESCAPED = {code: repr(chr(code))[1:-1] for code in _INVISIBLE}
+"""Line breaks, and what moves a terminal's cursor or turns text around: a file may hold them in its names, a message doesn't."""
+
+
 class RetargetError(Exception):
     """Base of all errors that are shown to a person as one line, without traceback.
 
@@ -22,7 +27,7 @@ class RetargetError(Exception):
     exit_code = 1
 
     def __str__(self) -> str:
-        text = super().__str__()
+        text = super().__str__().translate(_ESCAPED)
         if len(text) <= LONGEST_MESSAGE:
             return text
         kept = LONGEST_MESSAGE // 2

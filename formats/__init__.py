@@ -101,7 +101,7 @@ def read_recording(
         if recording is not None:
             return recording
     raise UsageError(
-        f"{shown}: {found.name} holds {_content(found)}, not a person's motion; expected one of {_readers('trackers')}, {_readers('motion')}"
+        f"{shown}: {found.name} holds {_content(found)}, not a person's motion; expected one of {_readers('trackers', 'motion')}"
     )
 
 
@@ -233,12 +233,13 @@ def _content(format_: Format) -> str:
     return "poses of trackers" if format_.read_trackers is not None else "robot trajectories"
 
 
-def _readers(kind: str) -> str:
-    recordings, folders = kind in ("motion", "trackers"), kind == "trajectory"
+def _readers(*kinds: str) -> str:
+    """Names of the formats that hold something of one of these kinds."""
+    recordings, folders = "trajectory" not in kinds, "trajectory" in kinds
     return ", ".join(
         f.name
         for f in available().values()
-        if getattr(f, f"read_{kind}") is not None
+        if any(getattr(f, f"read_{kind}") is not None for kind in kinds)
         or (recordings and f.read_recording is not None)
         or (folders and f.read_folder is not None)
     )

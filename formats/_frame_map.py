@@ -87,7 +87,8 @@ def load(source: Path | Mapping[str, Any] | None) -> FrameMap:
         return _checked(str(source), tomllib.loads(source.read_text(encoding="utf-8-sig")))
     except OSError as error:
         raise UsageError(f"--frames {source}: {(error.strerror or str(error)).lower()}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    # ValueError: TOMLDecodeError, text that is none, and numbers of thousands of digits.
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"--frames {source}: not TOML: {error}") from None
 
 

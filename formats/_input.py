@@ -46,7 +46,8 @@ def opened(
         try:
             yield stream, name, found
         except OSError as error:
-            raise RetargetError(f"{name}: can't be read: {error.strerror or error}") from error
+            reason = error.strerror.lower() if error.strerror else error
+            raise RetargetError(f"{name}: can't be read: {reason}") from error
 
 
 def _refuse_pickle(name: str, where: str | Path, head: bytes) -> None:

@@ -6,7 +6,8 @@ they are in (the driver's own), are given as `msg_defs`. The standard messages t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,10 @@ from retarget.core.errors import FormatError, RetargetError, UsageError, nearest
 from retarget.formats._ros_wire import Pose
 
 _LARGEST_DEFINITION = 1 << 20
+_TYPE_NAME = re.compile(r"[A-Za-z]\w*(?:/msg)?/[A-Za-z]\w*", re.ASCII)
+_FIELD_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+_LONGEST_ARRAY = 1 << 20
+_MOST_LINES = 1000
 
 
 class Definition:
@@ -51,10 +56,13 @@ class Definition:
                     content = path.read_text(encoding="utf-8-sig")
                     for owner in dict.fromkeys((package, own)):
                         types |= get_types_from_msg(content, f"{owner}/msg/{path.stem}")
-            self._store.register({name: fields for name, fields in types.items() if name not in self._store.fielddefs})
+            new = {name: fields for name, fields in types.items() if name not in self._store.fielddefs}
+            check(new)
+            self._store.register(new)
             known = self.full_name in self._store.fielddefs
             if known:
-                self._store.get_msgdef(self.full_name)  # finds types that nobody defines
+                self._fields_of(self.full_name, (), {})  # finds types that nobody defines
+                self._store.get_msgdef(self.full_name)
         except RetargetError:
             raise
         # rosbags' parser reports what it can't read by several errors of its own and by whatever it trips over.
@@ -76,6 +84,23 @@ class Definition:
                 place=f"topic {topic}",
                 expected=f"--msg-def FOLDER with {self.name}.msg, as this recording holds no definitions",
             )
+
+    def _fields_of(self, name: str, above: tuple[str, ...], known: dict[str, int]) -> int:
+        """Number of fields of `name`. Raises `ValueError` for parts that are empty: a few bytes may announce billions of them."""
+        from rosbags.interfaces import Nodetype
+
+        if name in above:
+            raise ValueError(f"{name} holds itself")
+        if name not in known:
+            total = 0
+            for field, (kind, detail) in self._store.fielddefs[name][1]:
+                inner_kind, inner = detail[0] if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (kind, detail)
+                size = self._fields_of(inner, (*above, name), known) if inner_kind == Nodetype.NAME else 1
+                if not size:
+                    raise ValueError(f"{field} of {name} is of {inner}, which holds nothing")
+                total += field != "structure_needs_at_least_one_member"
+            known[name] = total
+        return known[name]
 
     def links(self, payload: bytes | memoryview, index: int) -> Iterator[Pose]:
         """The links of a `LinkStateArray`: `header.frame_id` of each state is the link itself, its pose is in the world.
@@ -111,6 +136,32 @@ class Definition:
                 f"not a {self.full_name}: {error or type(error).__name__}",
                 place=f"topic {self.topic}, message {index}",
             ) from error
+
+
+def check(types: Mapping[str, Any]) -> None:
+    """Raise `ValueError` for definitions that rosbags, which makes Python code of them, must not see.
+
+    Names stand in that code as they are, and fixed arrays of texts or messages become as many lines.
+    """
+    from rosbags.interfaces import Nodetype
+
+    lines = 0
+    for name, (_, fields) in types.items():
+        _check_name(_TYPE_NAME, name)
+        for field, (kind, detail) in fields:
+            _check_name(_FIELD_NAME, field)
+            inner_kind, inner = detail[0] if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (kind, detail)
+            if inner_kind == Nodetype.NAME:
+                _check_name(_TYPE_NAME, inner)
+            if kind == Nodetype.ARRAY:
+                lines += detail[1] if inner_kind == Nodetype.NAME or inner[0] == "string" else 0
+                if detail[1] > _LONGEST_ARRAY or lines > _MOST_LINES:
+                    raise ValueError(f"{field} of {name} is a fixed array of {min(detail[1], 10**12)}")
+
+
+def _check_name(pattern: re.Pattern[str], name: str) -> None:
+    if not pattern.fullmatch(name):
+        raise ValueError(f"found {name[:100]!r} where a name belongs")
 
 
 def definition_files(paths: Sequence[Path]) -> list[Path]:

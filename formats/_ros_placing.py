@@ -70,6 +70,10 @@ def without_held(samples: list[Samples], warnings: list[str]) -> list[Samples]:
     ]
 
 
+_FARTHEST_M = 1e7
+"""Of a static frame from the one it hangs in: coordinates of maps reach this far, not farther."""
+
+
 def composed(file: str, chains: Mapping[str, Sequence[Edge]], placed: Placed) -> Placed:
     """The frames in their root, from their edges on one time base. Tracked is where every moving edge above is.
 
@@ -86,7 +90,9 @@ def composed(file: str, chains: Mapping[str, Sequence[Edge]], placed: Placed) ->
         *above, edge = edges
         if edge.static:
             constant = edge.poses()[-1]
-            if not np.isfinite(constant).all() or abs(np.linalg.norm(constant[3:]) - 1) > 1e-2:
+            # Each part first: the square of a large one overflows.
+            unit = (np.abs(constant[3:]) < 2).all() and abs(np.linalg.norm(constant[3:]) - 1) <= 1e-2
+            if not (unit and (np.abs(constant[:3]) < _FARTHEST_M).all()):
                 place = f"topic {edge.topic}, {edge.label}"
                 raise FormatError(
                     file, f"found {constant.tolist()}", place=place, expected="a pose with a unit quaternion"

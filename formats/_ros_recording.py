@@ -18,12 +18,13 @@ import numpy as np
 from retarget.core.errors import FormatError, UnknownNameError
 from retarget.core.types import HumanMotion, TrackerRecording
 from retarget.formats import _foxglove, _frame_map, _ros_frames
+from retarget.formats._bag_storage import Unread
 from retarget.formats._mcap_reader import Batch
 from retarget.formats._ros_definitions import Definition
 from retarget.formats._ros_frames import LINKS, POSES, TREE, Clock, Edge, Frames
 from retarget.formats._ros_motion import motion_of
 from retarget.formats._ros_placing import composed, samples_of, without_held
-from retarget.formats._ros_source import Unread, short_type
+from retarget.formats._ros_source import short_type
 from retarget.formats._ros_wire import READERS, BadMessage, Cursor, Pose, read_all
 from retarget.formats._tracker_recording import Log, assemble, place
 from retarget.formats.base import TrackerOptions

@@ -1,8 +1,8 @@
 """Messages of ROS recordings, whatever holds them: a ROS 1 bag, a rosbag2 folder, a bare `.db3`, an MCAP file or an MCAP stream.
 
 MCAP is read front to back by `_mcap_reader`, from a file as from a pipe. The others need a path, and are read by the readers that
-rosbags' `AnyReader` is made of; `AnyReader` itself refuses a whole recording for one definition that it can't parse, of a topic that
-nobody asked for. Of these, only messages of wanted types are read at all.
+rosbags' `AnyReader` is made of, see `_bag_storage`; `AnyReader` itself refuses a whole recording for one definition that it can't parse,
+of a topic that nobody asked for. Of these, only messages of wanted types are read at all.
 """
 
 from __future__ import annotations
@@ -11,32 +11,23 @@ import hashlib
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
-from retarget.core.errors import FormatError, RetargetError
-from retarget.formats._mcap_reader import Batch
+from retarget.core.errors import FormatError
+from retarget.formats import _bag_storage
+from retarget.formats._bag_metadata import METADATA
+from retarget.formats._bag_storage import Unread
+from retarget.formats._mcap_reader import Batch, Metadata
 
 BAG_MAGIC, SQLITE_MAGIC, FOLDER_MAGIC = b"#ROSBAG V", b"SQLite format 3\0", b"rosbag2_bagfile_information:"
-_BATCH = 1024
-_LARGEST_METADATA = 16 << 20
-
-
-@dataclass(frozen=True)
-class Unread:
-    """A topic of a type that isn't wanted, and how many messages it has."""
-
-    topic: str
-    message_type: str
-    count: int
 
 
 def is_folder(path: Path) -> bool:
     """Whether `path` is a rosbag2 recording: a folder whose metadata.yaml says so."""
     try:
-        with (path / "metadata.yaml").open("rb") as stream:
+        with (path / METADATA).open("rb") as stream:
             return stream.read(len(FOLDER_MAGIC)) == FOLDER_MAGIC
     except (OSError, ValueError):  # ValueError: a NUL in the path
         return False
@@ -53,37 +44,25 @@ def read(stream: BinaryIO, name: str, wanted: Callable[[str], bool]) -> Iterator
 
     stream: of a bag, a `.db3`, or the metadata.yaml of a folder. Raises `FormatError` for content that can't be read.
     """
-    with _path_of(stream, name) as path, ExitStack() as stack:
-        reader, ros1 = _opened(path, name, stack)
-        with _one_line(name):
-            connections = [c for c in reader.connections if wanted(short_type(c.msgtype))]
-            others = [
-                Unread(c.topic, short_type(c.msgtype), int(c.msgcount))
-                for c in reader.connections
-                if c not in connections
-            ]
-        yield from others
-        if not connections:
+
+    def by_type(message_type: str) -> bool:
+        return wanted(short_type(message_type))
+
+    with _path_of(stream, name) as path:
+        if path.is_dir():
+            for item in _bag_storage.read_folder(path, name, by_type):
+                if not isinstance(item, Metadata):
+                    yield item
             return
-        batches: dict[int, Batch] = {}
-        messages = reader.messages(connections=connections)
-        while True:
-            with _one_line(name):
-                item = next(messages, None)
-            if item is None:
-                break
-            connection, log_time, data = item
-            # SQLite keeps any type in any column.
-            if not isinstance(data, bytes | memoryview) or not isinstance(log_time, int):
-                raise FormatError(name, f"a message of {type(data).__name__} at {log_time!r}", expected="bytes and ns")
-            batch = batches.get(connection.id)
-            if batch is None:
-                batch = batches[connection.id] = _batch(connection, ros1=ros1)
-            batch.log_times.append(log_time)
-            batch.payloads.append(memoryview(data))
-            if len(batch.payloads) >= _BATCH:
-                yield batches.pop(connection.id)
-        yield from batches.values()
+        with path.open("rb") as content:
+            head = content.read(len(SQLITE_MAGIC))
+        ros1 = head.startswith(BAG_MAGIC)
+        if not ros1 and head != SQLITE_MAGIC:
+            problem = f"can't be read as a recording: starts with {head!r}"
+            raise FormatError(
+                name, problem, expected="a bag of ROS 1 (#ROSBAG V2.0) or a .db3 of ROS 2 (SQLite format 3)"
+            )
+        yield from (_bag_storage.read_ros1 if ros1 else _bag_storage.read_sqlite)(path, name, by_type)
 
 
 def digest(stream: BinaryIO, name: str) -> str:
@@ -92,7 +71,7 @@ def digest(stream: BinaryIO, name: str) -> str:
     with _path_of(stream, name) as path:
         files = [path]
         if path.is_dir():
-            files = sorted(p for p in path.iterdir() if p.is_file() and p.name != "metadata.yaml")
+            files = sorted(p for p in path.iterdir() if p.is_file() and p.name != METADATA)
         for file in files:
             with file.open("rb") as content:
                 while block := content.read(1 << 20):
@@ -113,8 +92,6 @@ def _path_of(stream: BinaryIO, name: str) -> Iterator[Path]:
             raise FormatError(
                 name, "the metadata of a rosbag2 folder, without the folder", expected="the folder's path"
             )
-        if path.stat().st_size > _LARGEST_METADATA:
-            raise FormatError(name, f"metadata.yaml of {path.stat().st_size} bytes", expected="at most 16 MiB")
         yield path.parent
     elif path is not None and path.is_file() and start == 0:
         yield path
@@ -125,49 +102,3 @@ def _path_of(stream: BinaryIO, name: str) -> Iterator[Path]:
             copy.flush()
             yield Path(copy.name)
         stream.seek(start)
-
-
-def _opened(path: Path, name: str, stack: ExitStack) -> tuple[Any, bool]:
-    """The open rosbags reader of `path`, closed by `stack`, and whether it is of ROS 1."""
-    with _one_line(name):
-        reader: Any
-        from rosbags.rosbag1.reader import Reader
-        from rosbags.rosbag2.reader import DirectoryReader
-        from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-
-        if path.is_dir():
-            ros1, reader = False, DirectoryReader(path)
-        else:
-            with path.open("rb") as content:
-                ros1 = content.read(len(BAG_MAGIC)) == BAG_MAGIC
-            reader = Reader(path) if ros1 else Sqlite3Reader(path)
-        reader.open()
-        stack.callback(reader.close)
-    return reader, ros1
-
-
-@contextmanager
-def _one_line(name: str) -> Iterator[None]:
-    """Whatever rosbags raises, as one line."""
-    try:
-        yield
-    except (RetargetError, OSError):
-        raise
-    # Besides its own errors, rosbags lets through those of SQLite, YAML, compression libraries, and of its own parsing.
-    except Exception as error:
-        text = str(error).strip()
-        first = text.splitlines()[0] if text else type(error).__name__
-        raise FormatError(name, f"can't be read as a recording: {first}", expected="a complete bag") from error
-
-
-def _batch(connection: Any, *, ros1: bool) -> Batch:
-    kind = getattr(connection.msgdef.format, "name", "NONE")
-    encodings = {"MSG": "ros1msg" if ros1 else "ros2msg", "IDL": "ros2idl"}
-    text = connection.msgdef.data if kind in encodings else ""
-    return Batch(
-        connection.topic,
-        connection.msgtype,
-        "ros1" if ros1 else "cdr",
-        schema=text.encode(),
-        schema_encoding=encodings.get(kind, ""),
-    )

@@ -157,10 +157,9 @@ def _parse(text: Iterable[str], name: str) -> tuple[list[str], Array]:
     except UnicodeDecodeError:
         raise
     except ValueError as error:
-        # NumPy counts rows below the header from 0 or 1, depending on the error: its own words stay.
-        raise FormatError(
-            name, " ".join(str(error).split()), place="below the header", expected=f"{len(header)} numbers a line"
-        ) from error
+        # NumPy counts rows below the header from 0 or 1, depending on the error: its own words stay, without its advice to programmers.
+        problem = " ".join(str(error).partition(";")[0].split())
+        raise FormatError(name, problem, place="below the header", expected=f"{len(header)} numbers a line") from error
     if values.shape[1] != len(header):
         raise FormatError(
             name,

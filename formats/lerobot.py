@@ -272,8 +272,9 @@ def _read_columns(folder: Path, name: str) -> dict[str, NDArray[Any]]:
     try:
         tables = []
         for path in paths:
-            held = [column for column in pq.read_schema(path).names if column in wanted]
-            tables.append(pq.read_table(path, columns=held))
+            with path.open("rb") as stream:
+                file = pq.ParquetFile(stream)
+                tables.append(file.read([column for column in file.schema_arrow.names if column in wanted]))
         table = pa.concat_tables(tables)
         return {column: np.array(table[column].to_pylist(), float) for column in table.column_names}
     except OSError as error:

@@ -171,6 +171,8 @@ def _read_gmr(name: str, arrays: Arrays, options: TrajectoryOptions) -> JointTra
     if options.quaternion_order is None:
         warnings.append("root_rot taken as x y z w, as GMR saves it")
     time = _time(name, arrays, len(position), options)
+    if len(time) != len(position):
+        raise FormatError(name, f"found shape {time.shape}", place="time", expected=f"({len(position)},), as dof_pos")
     return _trajectory.build(
         name,
         [*warnings, "velocity missing: differentiated from the positions"],
@@ -204,6 +206,11 @@ def _joint_names(
 
 
 def _load(stream: BinaryIO, name: str) -> dict[str, NDArray[Any]]:
+    start = stream.tell()
+    head = stream.read(4)
+    stream.seek(start)
+    if head[:2] != b"PK":
+        raise FormatError(name, f"not a readable NPZ archive: starts with {head!r}", expected="a ZIP archive of arrays")
     try:
         with np.load(stream, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):

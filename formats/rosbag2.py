@@ -11,24 +11,16 @@ Bags of others are read as MCAP files of others are, whatever their storage (MCA
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from retarget.core.errors import FormatError
 from retarget.core.types import HumanMotion, JointTrajectory
-from retarget.formats import _mcap_reader, _mcap_trajectory
+from retarget.formats import _bag_storage, _mcap_trajectory
+from retarget.formats._bag_metadata import METADATA
 from retarget.formats._mcap_recording import Recording
 from retarget.formats._mcap_writer import McapFile
 from retarget.formats.base import Format, TrajectoryOptions
 
-METADATA = "metadata.yaml"
 STORAGE = "trajectory_0.mcap"
-_LARGEST_METADATA = 1 << 20
-_DEEPEST_METADATA = 50
-_OPENING, _CLOSING = list(b"[{"), list(b"]}")
-_BATCH = 4096
 
 
 def write_folder(folder: Path, trajectory: JointTrajectory, style: str, motion: HumanMotion | None = None) -> None:
@@ -81,80 +73,11 @@ def recognises_folder(folder: Path) -> bool:
 
 def read_folder(folder: Path, name: str, _options: TrajectoryOptions | None = None) -> JointTrajectory:
     """The trajectory in a bag; see the module. Raises `FormatError` for a folder that is no bag, and as format `mcap` does."""
-    information = _information(folder, name)
     recording = Recording(name)
-    if information.get("storage_identifier") == "mcap" and not information.get("compression_format"):
-        for path in _storage_files(folder, name, information):
-            with path.open("rb") as stream:
-                for item in _mcap_reader.read(stream, f"{name}/{path.name}"):
-                    recording.add(item)
-    else:
-        for batch in _foreign(folder, name):
-            recording.add(batch)
+    for item in _bag_storage.read_folder(folder, name, lambda _: True):
+        if not isinstance(item, _bag_storage.Unread):
+            recording.add(item)
     return recording.trajectory()
-
-
-def _information(folder: Path, name: str) -> dict[str, Any]:
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
-
-    with (folder / METADATA).open("rb") as stream:
-        text = stream.read(_LARGEST_METADATA + 1)
-    if len(text) > _LARGEST_METADATA:
-        raise FormatError(name, f"{METADATA} of more than {_LARGEST_METADATA >> 20} MiB", expected="a bag's metadata")
-    # The parser takes seconds over thousands of open brackets.
-    bytes_ = np.frombuffer(text, np.uint8)
-    if len(text) and np.cumsum(np.isin(bytes_, _OPENING) * 1 - np.isin(bytes_, _CLOSING)).max() > _DEEPEST_METADATA:
-        raise FormatError(
-            name, "brackets within brackets", place=METADATA, expected="the metadata of a rosbag2 recording"
-        )
-    try:
-        loaded = YAML(typ="safe", pure=True).load(text.decode())
-        found = loaded["rosbag2_bagfile_information"]
-    except YAMLError as error:
-        raise FormatError(name, f"not YAML: {' '.join(str(error).split())}", place=METADATA) from error
-    # Nesting beyond Python's depth, other types than mappings, text that is none: the loader's and ours.
-    except (KeyError, TypeError, ValueError, RecursionError, AttributeError) as error:
-        problem = f"no rosbag2_bagfile_information: {type(error).__name__}"
-        raise FormatError(name, problem, place=METADATA, expected="the metadata of a rosbag2 recording") from error
-    if not isinstance(found, dict):
-        raise FormatError(name, "rosbag2_bagfile_information is no mapping", place=METADATA)
-    return found
-
-
-def _storage_files(folder: Path, name: str, information: dict[str, Any]) -> list[Path]:
-    """The bag's files. Only names count: bags before version 4 put their folder's before, and nothing outside the folder is read."""
-    listed = information.get("relative_file_paths")
-    if not isinstance(listed, list) or not listed or not all(isinstance(item, str) for item in listed):
-        raise FormatError(name, "no relative_file_paths", place=METADATA, expected="the names of the bag's files")
-    paths = [folder / Path(item).name for item in listed]
-    for path in paths:
-        if not path.is_file():
-            raise FormatError(name, f"file {path.name} is missing", place=METADATA)
-    return paths
-
-
-def _foreign(folder: Path, name: str) -> Iterator[_mcap_reader.Batch]:
-    """The messages of a bag in a storage that rosbags reads, in batches."""
-    from rosbags.rosbag2 import Reader
-
-    batches: dict[int, _mcap_reader.Batch] = {}
-    try:
-        with Reader(folder) as reader:
-            for connection, log_time, payload in reader.messages():
-                if connection.id not in batches:
-                    batches[connection.id] = _mcap_reader.Batch(connection.topic, connection.msgtype, "cdr")
-                batch = batches[connection.id]
-                batch.log_times.append(log_time)
-                batch.payloads.append(memoryview(payload))
-                if len(batch.payloads) >= _BATCH:
-                    yield batches.pop(connection.id)
-            yield from batches.values()
-    except FormatError:
-        raise  # the caller's, thrown in at the yield
-    # Damage of a foreign file surfaces as whatever its parser trips over: rosbags' own errors, SQLite's and zstd's.
-    except Exception as error:
-        raise FormatError(name, f"not a readable bag: {error or type(error).__name__}") from error
 
 
 FORMAT = Format(

@@ -60,3 +60,16 @@ def test_nearest_is_ordered_limited_and_keeps_the_choices_own_case() -> None:
     assert nearest("leftfoot", ["RightFoot", "LeftFoot", "LeftToe", "Head"])[0] == "LeftFoot"
     assert nearest("q", ["LeftFoot"]) == []
     assert len(nearest("aaaa", ["aaab", "aaba", "abaa", "baaa"], count=2)) == 2
+
+
+@pytest.mark.parametrize(
+    ("found", "shown"),
+    [
+        ("a\nb\r\n", r"a\nb\r\n"),
+        ("\x1b[2J\x07\0\x7f\x9b", r"\x1b[2J\x07\x00\x7f\x9b"),
+        ("a\u2028b\u202eevil\u2069", r"a\u2028b\u202eevil\u2069"),
+        ("é ٣ \U0001f600 \\n", "é ٣ \U0001f600 \\n"),
+    ],
+)
+def test_a_message_is_one_line_that_a_terminal_only_shows(found: str, shown: str) -> None:
+    assert str(FormatError("a.x", f"joint '{found}'")) == f"a.x: joint '{shown}'"

@@ -157,7 +157,7 @@ class _Failing(io.BytesIO):
 
 
 def test_device_error_is_one_line(written: Path) -> None:
-    with pytest.raises(RetargetError, match=r"^tape: can't be read: Input/output error$"):
+    with pytest.raises(RetargetError, match=r"^tape: can't be read: input/output error$"):
         formats.read_trajectory(_Failing(written.read_bytes()), "tape", "mcap")
 
 

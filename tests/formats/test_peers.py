@@ -154,6 +154,7 @@ def test_rows_that_are_refused(changes: dict[str, Any], error: type[RetargetErro
         ({"root_rot": np.zeros((2, 3))}, r"root_rot: found shape \(2, 3\); expected \(T, 4\)"),
         ({"root_pos": np.zeros((3, 3))}, r"base_position: found shape \(3, 3\)"),
         ({"fps": ...}, "neither 'time' nor 'fps'"),
+        ({"time": np.arange(3.0)}, r"time: found shape \(3,\); expected \(2,\), as dof_pos"),
         ({"options": TrajectoryOptions()}, "no array 'joint_names'; .*or the robot named, and the order of its joints"),
         ({"dof_pos": np.array([[1.0, np.nan], [0.0, 0.0]])}, r"position: found nan at \(0, 1\)"),
         (

@@ -99,11 +99,14 @@ def test_empty_files_wrong_content_and_no_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("metadata", "problem"),
     [
-        ("rosbag2_bagfile_information:\n  version: 99\n", "Rosbag2 version 99 not supported"),
-        ("rosbag2_bagfile_information:\n  version: 5\n", "A metadata key is missing"),
-        ("rosbag2_bagfile_information: [", "Could not load YAML"),
-        ("rosbag2_bagfile_information: !!python/object/apply:os.system ['true']", "Could not load YAML"),
-        ("rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths: [../../secret.db3]\n", "missing"),
+        ("rosbag2_bagfile_information:\n  version: 99\n", "rosbag2 version 99; expected 1 to 9"),
+        ("rosbag2_bagfile_information:\n  version: 5\n", "storage_identifier None; expected mcap or sqlite3"),
+        ("rosbag2_bagfile_information: [", "not YAML"),
+        ("rosbag2_bagfile_information: !!python/object/apply:os.system ['true']", "not YAML"),
+        (
+            "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  relative_file_paths: [../../secret.db3]\n",
+            "file secret.db3 is missing",
+        ),
     ],
 )
 def test_metadata_of_a_folder_that_is_nonsense(tmp_path: Path, metadata: str, problem: str) -> None:
@@ -126,11 +129,35 @@ def test_nothing_of_a_person(tmp_path: Path) -> None:
     assert 'found map, pelvys; nearest: Pelvis = "pelvys"; expected --frames map.toml' in line
 
 
-def test_a_static_transform_that_is_none(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("x", "w", "found"),
+    [
+        (0.1, np.nan, "[0.1, 0.2, 1.0, nan, 0.0, 0.0, 0.0]"),
+        (0.1, 1e308, "[0.1, 0.2, 1.0, 1e+308, 0.0, 0.0, 0.0]"),
+        (1e308, 1.0, "[1e+308, 0.2, 1.0, 1.0, 0.0, 0.0, 0.0]"),
+    ],
+)
+def test_a_static_transform_that_is_none(tmp_path: Path, x: float, w: float, found: str) -> None:
     ros = Ros(2)
-    fixed = ros.tf(ros.transform(START_NS, "map", "world", POSE[0], np.array([np.nan, 0.0, 0.0, 0.0])))
+    fixed = ros.tf(ros.transform(START_NS, "map", "world", np.array([x, 0.2, 1.0]), np.array([w, 0.0, 0.0, 0.0])))
     path = write_folder(tmp_path / "static", ros, [Sent("/tf_static", TF, START_NS, fixed), *_sent(ros)])
-    assert "topic /tf_static, world in map: found [0.1, 0.2, 1.0, nan, 0.0, 0.0, 0.0]" in _line(path)
+    assert f"topic /tf_static, world in map: found {found}" in _line(path)
+
+
+@pytest.mark.parametrize("x", [1e308, 1e200])
+def test_a_moving_frame_that_is_beyond_numbers(tmp_path: Path, x: float) -> None:
+    """Positions that overflow when composed with the frame above."""
+    ros = Ros(2)
+    sent = []
+    for stamp in stamps(np.arange(20) / 90.0):
+        for parent, child in (("map", "world"), ("world", "waist")):
+            at = np.array([x, x, 1.0])
+            sent.append(
+                Sent("/tf", TF, stamp, ros.tf(ros.transform(stamp, parent, child, at, np.array([0.6, 0, 0.8, 0]))))
+            )
+    with np.errstate(all="raise"), contextlib.suppress(RetargetError):
+        found = formats.read_trackers(write_folder(tmp_path / "far", ros, sent))
+        assert np.isfinite(found.position).all()
 
 
 def test_joint_angles_of_an_xsens_driver_alone(tmp_path: Path) -> None:
@@ -220,3 +247,18 @@ def test_real_recordings_without_poses_say_what_they_hold() -> None:
     assert len(found) == 5
     for path in found:
         assert "no poses: found /" in _line(path)
+
+
+@pytest.mark.parametrize("text", ["a = " + "9" * 5000, "a = " + "[" * 5000, "a = [", b"\xff".decode("latin-1"), "\0"])
+def test_a_frames_map_that_is_no_toml(tmp_path: Path, text: str) -> None:
+    frames = tmp_path / "map.toml"
+    frames.write_text(text, encoding="latin-1")
+    with pytest.raises(UsageError, match=r"^--frames .*/map\.toml: not TOML: "):
+        formats.read_recording(_recordings(tmp_path)["bag"], options=TrackerOptions(frames=frames))
+
+
+def test_names_that_break_lines_do_not(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    name = "std_msgs/msg/String"
+    path.write_bytes(mcap_bytes([("/a\n\x1b[2Jb", name, "ros2msg", "cdr", b"")], [("/a\n\x1b[2Jb", 1, b"\0\1\0\0")]))
+    assert r"found /a\n\x1b[2Jb (std_msgs/String)" in _line(path)

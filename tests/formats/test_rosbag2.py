@@ -99,7 +99,21 @@ def test_bags_of_others(bag: Path, make_trajectory: Maker, storage: StoragePlugi
             "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: ['..']}",
             r"file \.\. is missing",
         ),
-        ("rosbag2_bagfile_information: {storage_identifier: sqlite3}", "not a readable bag"),
+        ("rosbag2_bagfile_information: {storage_identifier: sqlite3}", "no relative_file_paths"),
+        ("rosbag2_bagfile_information: {version: 99}", "rosbag2 version 99; expected 1 to 9"),
+        (
+            "rosbag2_bagfile_information: {storage_identifier: csv}",
+            "storage_identifier 'csv'; expected mcap or sqlite3",
+        ),
+        ("rosbag2_bagfile_information: {storage_identifier: mcap, compression_mode: all}", "compression_mode 'all'"),
+        (
+            "rosbag2_bagfile_information: {storage_identifier: mcap, compression_mode: FILE, compression_format: lz4}",
+            "compression_format 'lz4'; expected zstd",
+        ),
+        (
+            "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [trajectory_0.mcap, a/trajectory_0.mcap]}",
+            "names a file twice",
+        ),
         ("\xff\0", "no rosbag2_bagfile_information|not YAML"),
     ],
 )

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import atexit
 import gzip
 import io
 import re
+import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +23,18 @@ from retarget.core.replay.thresholds import Thresholds
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
 from retarget.formats import TrackerOptions, TrajectoryOptions
 
-from tests.fuzz.mutations import Mutation, bomb, in_gzip, in_records, in_zip, of_bytes, of_text
+from tests.fuzz import ros_seeds
+from tests.fuzz.mutations import (
+    Mutation,
+    bomb,
+    in_gzip,
+    in_records,
+    in_sqlite,
+    in_zip,
+    of_bytes,
+    of_text,
+    over_bytes,
+)
 
 NAME = "input"
 
@@ -204,13 +218,138 @@ def _read_trajectory(name: str, options: TrajectoryOptions | None = None) -> Cal
 
 @cache
 def _folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="retarget-fuzz-"))
+    folder = tempfile.mkdtemp(prefix="retarget-fuzz-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _file(data: bytes, name: str) -> Path:
     path = _folder() / name
     path.write_bytes(data)
     return path
+
+
+class _Pipe(io.RawIOBase):
+    """A stream of bytes that can't seek."""
+
+    def __init__(self, data: bytes) -> None:
+        self._rest = io.BytesIO(data)
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        return self._rest.readinto(buffer)
+
+
+def _recording(name: str, options: TrackerOptions | None = None) -> Callable[[bytes], Any]:
+    """Reads bytes as a person's recording from a stream; names: of the format."""
+    return lambda data: formats.read_recording(io.BytesIO(data), NAME, name, options)
+
+
+def _recording_file(suffix: str) -> Callable[[bytes], Any]:
+    """The same from a file, which libraries open by its path."""
+    return lambda data: formats.read_recording(_file(data, f"recording{suffix}"), NAME)
+
+
+def _piped(data: bytes) -> Any:
+    return formats.describe(io.BufferedReader(_Pipe(data)), NAME)
+
+
+@cache
+def _bag_folder(name: str) -> Path:
+    """A rosbag2 folder without metadata.yaml, with storage of both kinds."""
+    folder = _folder() / name
+    folder.mkdir()
+    for file, content in ros_seeds.folder_files().items():
+        if not file.endswith(".yaml"):
+            (folder / file).write_bytes(content)
+    (folder / "trajectory_0.mcap").write_bytes(written("mcap"))
+    return folder
+
+
+def _bag_metadata(read: Callable[..., Any]) -> Callable[[bytes], Any]:
+    def read_folder(data: bytes) -> Any:
+        folder = _bag_folder("bag")
+        (folder / "metadata.yaml").write_bytes(data)
+        return read(folder, NAME)
+
+    return read_folder
+
+
+def _bag_storage(kind: str) -> Callable[[bytes], Any]:
+    def read_folder(data: bytes) -> Any:
+        folder = _bag_folder(f"{kind}-bag")
+        (folder / "metadata.yaml").write_bytes(ros_seeds.folder_files()[f"{kind}.yaml"])
+        (folder / ("sqlite.db3" if kind == "sqlite" else "mcap.mcap")).write_bytes(data)
+        return formats.read_recording(folder, NAME)
+
+    return read_folder
+
+
+def _own_metadata() -> bytes:
+    """metadata.yaml of a folder written here."""
+    with tempfile.TemporaryDirectory() as folder:
+        formats.write_trajectory(Path(folder) / "bag", trajectory(), format="rosbag2")
+        return (Path(folder) / "bag" / "metadata.yaml").read_bytes()
+
+
+def _frames(data: bytes) -> Any:
+    options = TrackerOptions(frames=_file(data, "frames.toml"))
+    return formats.read_recording(io.BytesIO(ros_seeds.mcaps()[0]), NAME, "mcap", options)
+
+
+def _message_definition(data: bytes) -> Any:
+    """The definition as a file of its own, beside that of what it refers to."""
+    folder = _folder() / "definitions"
+    folder.mkdir(exist_ok=True)
+    (folder / "LinkState.msg").write_text(ros_seeds.LINK_STATE)
+    (folder / "LinkStateArray.msg").write_bytes(data)
+    return formats.read_recording(io.BytesIO(_undefined_links()), NAME, "mcap", TrackerOptions(msg_defs=(folder,)))
+
+
+@cache
+def _undefined_links() -> bytes:
+    return ros_seeds.links_mcap()
+
+
+def _embedded_definition(data: bytes) -> Any:
+    """The definition as the recording holds it."""
+    return formats.read_recording(io.BytesIO(ros_seeds.links_mcap(data)), NAME, "mcap")
+
+
+@cache
+def _dataset_files() -> dict[str, bytes]:
+    """Files of a LeRobot dataset by their path in it."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "dataset"
+        formats.write_trajectory(folder, trajectory(), format="lerobot")
+        return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def _dataset(mutated: str) -> Callable[[bytes], Any]:
+    def read_folder(data: bytes) -> Any:
+        folder = _folder() / f"dataset-{Path(mutated).name}"
+        if not folder.exists():
+            for name, content in _dataset_files().items():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                (folder / name).write_bytes(content)
+        (folder / mutated).write_bytes(data)
+        return formats.read_trajectory(folder, NAME)
+
+    return read_folder
+
+
+def _dataset_targets() -> Sequence[Target]:
+    """Nothing where the extra is not installed."""
+    if find_spec("pyarrow") is None:
+        return ()
+    data = "data/chunk-000/file-000.parquet"
+    return (
+        Target("lerobot-info", lambda: [_dataset_files()["meta/info.json"]], _dataset("meta/info.json"), cost=5),
+        Target("lerobot-own", lambda: [_dataset_files()["meta/retarget.json"]], _dataset("meta/retarget.json"), cost=5),
+        Target("lerobot-data", lambda: [_dataset_files()[data]], _dataset(data), (of_bytes, over_bytes), cost=5),
+    )
 
 
 def _columns(data: bytes) -> Any:
@@ -273,6 +412,37 @@ TARGETS: Mapping[str, Target] = {
         Target("csv", lambda: [written("csv")], _read_trajectory("csv")),
         Target("csv-unitree", lambda: [written("csv", "unitree")], _read_trajectory("csv", HEADERLESS)),
         Target("npz", lambda: [written("npz"), lying_npz()], _read_trajectory("npz"), (in_zip,)),
+        Target("npz-gmr", lambda: [written("npz", "gmr")], _read_trajectory("npz"), (in_zip,)),
+        Target("rosbag", ros_seeds.bags, _recording_file(".bag"), (of_bytes, over_bytes), cost=10),
+        Target("db3", ros_seeds.databases, _recording_file(".db3"), (in_sqlite,), cost=10),
+        Target(
+            "rosbag2-metadata",
+            lambda: [content for name, content in ros_seeds.folder_files().items() if name.endswith(".yaml")],
+            _bag_metadata(formats.read_recording),
+            cost=8,
+        ),
+        Target("rosbag2-metadata-robot", lambda: [_own_metadata()], _bag_metadata(formats.read_trajectory), cost=6),
+        Target(
+            "rosbag2-sqlite",
+            lambda: [ros_seeds.folder_files()["sqlite.db3"]],
+            _bag_storage("sqlite"),
+            (in_sqlite,),
+            cost=8,
+        ),
+        Target(
+            "rosbag2-mcap",
+            lambda: [ros_seeds.folder_files()["mcap.mcap"]],
+            _bag_storage("mcap"),
+            (in_records,),
+            cost=7,
+        ),
+        Target("mcap-recording", ros_seeds.mcaps, _recording("mcap"), (in_records,), cost=4),
+        Target("mcap-robot", lambda: [ros_seeds.robot_mcap()], _read_trajectory("mcap"), (in_records,)),
+        Target("mcap-pipe", lambda: [*ros_seeds.mcaps(), written("mcap")], _piped, (in_records,), cost=5),
+        Target("frames", lambda: [ros_seeds.FRAMES_TOML, ros_seeds.SUIT_TOML], _frames, cost=2),
+        Target("msg-def", lambda: ros_seeds.MESSAGE_DEFINITIONS, _message_definition, cost=12),
+        Target("msg-def-recorded", lambda: [ros_seeds.LINKS_DEFINITION], _embedded_definition, cost=20),
+        *_dataset_targets(),
         Target("calibration", _calibrations, _calibration),
         Target("robot", _profiles, _robot),
         Target("thresholds", lambda: [THRESHOLDS_TOML], _thresholds),

@@ -6,6 +6,7 @@ import gzip
 import io
 import random
 import re
+import sqlite3
 import struct
 import zipfile
 import zlib
@@ -107,6 +108,66 @@ def of_text(rng: random.Random, data: bytes) -> bytes:
         else:
             data = of_bytes(rng, data)
     return data[:MAX_BYTES]
+
+
+def over_bytes(rng: random.Random, data: bytes) -> bytes:
+    """Bytes overwritten in place, so that everything else stays where offsets, lengths and pages say."""
+    out = bytearray(data)
+    for _ in range(rng.choice((1, 1, 2, 3, 8))):
+        at, size = rng.randrange(len(out)), rng.choice((1, 2, 4, 8))
+        value = rng.choice((*_WHOLE, *_WHOLE, rng.getrandbits(64), out[at] ^ 1 << rng.randrange(8)))
+        part = (value & ((1 << 8 * size) - 1)).to_bytes(size, rng.choice(("little", "big")))
+        out[at : at + size] = part[: len(out) - at]
+    return bytes(out)
+
+
+def in_sqlite(rng: random.Random, data: bytes) -> bytes:
+    """A database with a value, a column or a table changed, by SQLite itself; sometimes the file's own bytes."""
+    if rng.random() < 0.4:
+        return rng.choice((of_bytes, over_bytes))(rng, data)
+    connection = sqlite3.connect(":memory:", isolation_level=None)
+    try:
+        connection.deserialize(data)
+        tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        table = rng.choice(tables)
+        columns = [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
+        column, rows = rng.choice(columns), connection.execute(f"SELECT rowid, * FROM {table}").fetchall()
+        act = rng.randrange(12)
+        if act == 0:
+            connection.execute(f"DROP TABLE {table}")
+        elif act == 1:
+            connection.execute(f"ALTER TABLE {table} RENAME COLUMN {column} TO other")
+        elif act == 2:
+            connection.execute(f"DELETE FROM {table} WHERE rowid % {rng.randrange(1, 5)} = 0")
+        elif act == 3:
+            connection.execute(f"ALTER TABLE {table} RENAME TO real_{table}")
+            connection.execute(rng.choice(_VIEWS).format(table=table, columns=", ".join(columns), column=column))
+        elif rows:
+            row = rng.choice(rows)
+            old = row[1 + columns.index(column)]
+            connection.execute(f"UPDATE {table} SET {column} = ? WHERE rowid = ?", (_other_value(rng, old), row[0]))
+        return connection.serialize()[:MAX_BYTES]
+    except (sqlite3.Error, OverflowError):  # a change that a constraint refuses
+        return over_bytes(rng, data)
+    finally:
+        connection.close()
+
+
+_VIEWS = (
+    "CREATE VIEW {table} AS SELECT {columns} FROM real_{table}",
+    "CREATE VIEW {table} AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {columns} FROM n, real_{table}",
+    "CREATE TABLE {table} ({columns}, big AS (randomblob(1000000000)))",
+    "CREATE TABLE {table} ({columns})",
+)
+
+
+def _other_value(rng: random.Random, old: object) -> object:
+    """A value in place of `old`: one of its kind mutated, or of another kind."""
+    if isinstance(old, bytes) and rng.random() < 0.8:
+        return rng.choice((of_bytes, over_bytes))(rng, old or b"\0")
+    if isinstance(old, str) and rng.random() < 0.8:
+        return of_text(rng, old.encode()).decode("utf-8", "replace")
+    return rng.choice((None, 1.5, "text", b"\0\1\0\0", 0, -1, (1 << 63) - 1, -(1 << 63), rng.randrange(1000)))
 
 
 def in_gzip(rng: random.Random, data: bytes) -> bytes:

@@ -14,6 +14,7 @@ import os
 import random
 import resource
 import signal
+import tempfile
 import time
 import traceback
 import warnings
@@ -66,19 +67,21 @@ def run(name: str, *, count: int, seconds: float = 1e9, first: int = 0) -> Outco
     target, outcome = TARGETS[name], Outcome(name)
     started = time.monotonic()
     at, end = first, first + count
-    while at < end and time.monotonic() - started < seconds and len(outcome.findings) < _LARGEST_FINDINGS:
-        at = _run_worker(target, outcome, at, end, started + seconds)
+    # Workers that are killed leave their files here.
+    with tempfile.TemporaryDirectory(prefix="retarget-fuzz-") as folder:
+        while at < end and time.monotonic() - started < seconds and len(outcome.findings) < _LARGEST_FINDINGS:
+            at = _run_worker(target, outcome, at, end, started + seconds, folder)
     outcome.seconds = time.monotonic() - started
     return outcome
 
 
-def _run_worker(target: Target, outcome: Outcome, at: int, end: int, until: float) -> int:
+def _run_worker(target: Target, outcome: Outcome, at: int, end: int, until: float, folder: str) -> int:
     """One process, until it has read all, or is gone; the index to go on at."""
     fork = multiprocessing.get_context("fork")
     place = fork.RawArray("q", 2)
     here, there = fork.Pipe(duplex=False)
     place[0] = at
-    worker = fork.Process(target=_work, args=(target.name, at, end, until, place, there), daemon=True)
+    worker = fork.Process(target=_work, args=(target.name, at, end, until, folder, place, there), daemon=True)
     worker.start()
     there.close()
     with here, contextlib.suppress(EOFError):
@@ -108,7 +111,8 @@ def _run_worker(target: Target, outcome: Outcome, at: int, end: int, until: floa
 _TOO_MUCH = 77
 
 
-def _work(name: str, at: int, end: int, until: float, place: Any, pipe: Connection) -> None:
+def _work(name: str, at: int, end: int, until: float, folder: str, place: Any, pipe: Connection) -> None:
+    tempfile.tempdir = folder
     faulthandler.disable()
     signal.signal(signal.SIGPROF, signal.SIG_DFL)  # ends the process, in whatever library it hangs
     signal.signal(signal.SIGINT, signal.SIG_DFL)

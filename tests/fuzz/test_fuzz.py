@@ -1,10 +1,11 @@
-"""The part of the fuzzing that fits into every run: some 20,000 mutated files over all readers, the same ones each time.
+"""The part of the fuzzing that fits into every run: 20,000 mutated files over all readers, the same ones each time.
 
 `python -m tests.fuzz` has as many more as there is time for.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import struct
@@ -24,17 +25,24 @@ from tests.fuzz.corpus import TARGETS, Target
 from tests.fuzz.mutations import bomb
 
 IN_TOTAL = 20_000
-EACH = round(IN_TOTAL / sum(1 / target.cost for target in TARGETS.values()))
+_EACH = IN_TOTAL / sum(1 / target.cost for target in TARGETS.values())
+INPUTS = {name: math.ceil(_EACH / target.cost) for name, target in TARGETS.items()}
+"""How many of each reader: the slower, the fewer."""
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="readers are fuzzed in forked processes")
 @pytest.mark.parametrize("name", TARGETS)
 def test_mutated_files(name: str) -> None:
-    outcome = runner.run(name, count=EACH // TARGETS[name].cost)
+    outcome = runner.run(name, count=INPUTS[name])
     assert not outcome.findings, "\n".join(runner.minimal_report(outcome))
-    assert outcome.inputs == EACH // TARGETS[name].cost
+    assert outcome.inputs == INPUTS[name]
     assert outcome.accepted > 0, "no input was accepted: what is mutated isn't read"
     assert outcome.accepted < outcome.inputs, "no input was refused: nothing is mutated"
+
+
+def test_inputs_are_as_many_as_promised() -> None:
+    assert IN_TOTAL <= sum(INPUTS.values()) < IN_TOTAL + len(INPUTS)
+    assert min(INPUTS.values()) >= 10
 
 
 def test_seeds_are_good() -> None:
@@ -42,11 +50,18 @@ def test_seeds_are_good() -> None:
         assert target.read(target.seeds()[0]) is not None, target.name
 
 
+class TwoLines(RetargetError):
+    """What `RetargetError` itself never shows."""
+
+    def __str__(self) -> str:
+        return "two\nlines"
+
+
 @pytest.mark.parametrize(
     ("fault", "kind"),
     [
         (lambda: [][0], "IndexError"),
-        (lambda: _raise(RetargetError("two\nlines")), "not one line"),
+        (lambda: _raise(TwoLines()), "not one line"),
         (lambda: os.kill(os.getpid(), signal.SIGSEGV), "ended with -11"),
         (lambda: _loop(), "no answer"),
         (lambda: np.ones(8 << 20).sum(), "of memory"),
