@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 from retarget.cli.console import Progress
 from retarget.cli.plan import PIPE, Clip
-from retarget.cli.tracker_logs import read_calibrated
+from retarget.cli.tracker_logs import read_calibrated, stream_calibrated
 from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from retarget.core.types import HumanMotion
 
 Record = dict[str, Any]
+
+WHOLE_S = 30.0
+"""Recordings up to here are converted as a whole, also to a pipe, with the same bytes as in a file; longer ones in blocks."""
 
 
 @lru_cache(maxsize=16)
@@ -56,7 +60,14 @@ def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
     from retarget.core import pipeline
 
     started = time.perf_counter()
-    motion = read_calibrated(clip.input, clip.calibration, clip.log)
+    if may_be_converted_in_blocks(clip):
+        parts = stream_calibrated(clip.input, clip.calibration, clip.log, WHOLE_S)
+        head = list(itertools.islice(parts, 2))
+        if len(head) > 1 or head[0].time[-1] - head[0].time[0] > WHOLE_S:
+            return _convert_in_blocks(clip, itertools.chain(head, parts), started)
+        motion = head[0]
+    else:
+        motion = read_calibrated(clip.input, clip.calibration, clip.log)
     read_s = time.perf_counter() - started
     model = model_for(clip.robot, motion)
     model_s = time.perf_counter() - started - read_s
@@ -65,9 +76,7 @@ def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
     person = result.motion if clip.human else None
     before_write = time.perf_counter()
     if clip.output == PIPE:
-        stream = getattr(sys.stdout, "buffer", None)
-        if stream is None:
-            raise UsageError("stdout is closed")
+        stream = _stdout()
         formats.write_trajectory_stream(stream, result.trajectory, format=clip.format, style=clip.style, motion=person)
         stream.flush()
     else:
@@ -90,6 +99,58 @@ def convert_clip(clip: Clip, progress: Progress | None = None) -> Record:
 
         rerun_log.write(clip.rerun, result)
     return _record(clip, result, wall_s, stages)
+
+
+def may_be_converted_in_blocks(clip: Clip) -> bool:
+    """Whether `clip` goes to a pipe, in a form and with options that allow to begin before the recording's end."""
+    from retarget import formats, robots
+    from retarget.core import pipeline, streaming
+
+    target = formats.get(clip.format)
+    return (
+        clip.output == PIPE
+        and target.write_parts is not None
+        and clip.style in (None, target.styles[0])
+        and not (clip.human or clip.report or clip.rerun or clip.self_collision)
+        and robots.load(clip.robot).model.kind != "human"
+        and streaming.can_stream(pipeline.ConvertOptions(**(clip.options or {})))
+    )
+
+
+def _convert_in_blocks(clip: Clip, parts: Iterable[HumanMotion], started: float) -> Record:
+    """Convert and write the motion that arrives in `parts`, a block at a time; the clip's record."""
+    from retarget import formats
+    from retarget.core import pipeline, streaming
+
+    options = pipeline.ConvertOptions(**(clip.options or {}))
+    stream = _stdout()
+    conversion = streaming.StreamedConversion(parts, robot_model(clip.robot), options)
+    formats.write_trajectory_parts(stream, conversion, format=clip.format)
+    stream.flush()
+    wall_s = time.perf_counter() - started
+    duration_s = conversion.time_s[1] - conversion.time_s[0]
+    record: Record = without_nan(
+        {
+            **_head(clip, "ok", None),
+            "frames": conversion.frames,
+            "rate_hz": (conversion.frames - 1) / duration_s if duration_s > 0 else 0.0,
+            "duration_s": duration_s,
+            "wall_s": wall_s,
+            "frames_per_second": conversion.frames / wall_s,
+            "metrics": conversion.metrics,
+            "warnings": list(conversion.source.warnings),
+            "provenance": conversion.provenance,
+            "stages_s": {**conversion.timings_s, "write": max(0.0, wall_s - sum(conversion.timings_s.values()))},
+        }
+    )
+    return record
+
+
+def _stdout() -> BinaryIO:
+    stream = getattr(sys.stdout, "buffer", None)
+    if stream is None:
+        raise UsageError("stdout is closed")
+    return cast(BinaryIO, stream)
 
 
 def _collide(clip: Clip, result: ConvertResult) -> dict[str, float]:

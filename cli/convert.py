@@ -125,6 +125,11 @@ def convert(
     INPUTS are recordings of suits (MVNX, ROS bags, MCAP), or, with --calibration, logs of trackers: files, folders with -r, or '-' for stdin. Everything is checked before any work: two inputs for one output, an
     output that exists or a folder that can't be written end the command with nothing done. Outputs are renamed into place
     when they are complete: a file that exists is finished.
+
+    To a pipe (-o -, as mcap), recordings longer than 30 s are converted in blocks as they arrive: 2 s first, then 20 s at a time, each together
+    with 5 s before and after it. Memory does not grow with the recording (MVNX; ROS recordings are read first), and joint angles are those
+    of a file, to 1e-6 rad in ordinary motion. --human, --report, --rerun, --online, other formats and styles, and the hierarchical solver take
+    the recording as a whole. Where the input breaks off the output has no end, so that the next program sees it.
     """
     if output == PIPE and as_json:
         raise UsageError("-o - and --json both want stdout; choose one")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -105,14 +105,32 @@ def read_calibrated(path: str, calibration: str | None, facts: Mapping[str, Any]
 
     Raises `UsageError` for a log without calibration, `MotionError` for a calibration of other trackers.
     """
+    recording = read_recording(path, facts)
+    return _calibrated(recording, load_calibration(calibration) if calibration else None, _shown(path))
+
+
+def stream_calibrated(
+    path: str, calibration: str | None, facts: Mapping[str, Any], first_s: float
+) -> Iterator[HumanMotion]:
+    """As `read_calibrated`, in consecutive parts while the recording arrives, the first lasting `first_s`, as `formats.stream_recording` says."""
+    from retarget import formats
+
+    known = load_calibration(calibration) if calibration else None
+    source: Any = sys.stdin.buffer if path == PIPE else path
+    for part in formats.stream_recording(source, first_s, _shown(path), tracker_options(facts)):
+        yield _calibrated(part, known, _shown(path))
+
+
+def _shown(path: str) -> str:
+    return "stdin" if path == PIPE else path
+
+
+def _calibrated(recording: HumanMotion | TrackerRecording, known: Calibration | None, shown: str) -> HumanMotion:
     from dataclasses import replace
 
     from retarget.core.calibrate.apply import apply
     from retarget.core.types import TrackerRecording
 
-    recording = read_recording(path, facts)
-    known = load_calibration(calibration) if calibration else None
-    shown = "stdin" if path == PIPE else path
     if isinstance(recording, TrackerRecording):
         if known is None:
             raise UsageError(

@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from retarget.core import rotations, timebase
 from retarget.core.errors import MotionError, UnknownNameError, UsageError
 from retarget.core.joint_ranges import JointRanges
@@ -124,8 +125,8 @@ def convert(
 
     check_options(options)
     chosen, solver = check_mapping(options)
-    base = _base(motion, model, options, solver)
-    stages = _Stages()
+    base = base_mode(motion, model, options, solver)
+    stages = Stages()
     with stages.timed("prepare"):
         motion, window = _with_lead(motion, options)
         if base == "fixed":
@@ -141,7 +142,7 @@ def convert(
         if options.smooth_s > 0:
             solution = clip.smoothed(motion.time, solution, options.smooth_s, model)
         if window != slice(0, motion.frames):
-            motion, targets = _trimmed(motion, targets, window)
+            motion, targets = trimmed(motion, targets, window)
             solution = clip.trimmed(solution, window)
     with stages.timed("base"):
         trajectory = _trajectory(motion, model, options, base, replace(found, solution=solution))
@@ -194,7 +195,7 @@ def _check_settings(chosen: MotionMapping, options: ConvertOptions) -> None:
             raise UnknownNameError(f"setting of mapping '{chosen.name}'", name, chosen.settings)
 
 
-def _base(motion: HumanMotion, model: RobotModel, options: ConvertOptions, solver: str) -> str:
+def base_mode(motion: HumanMotion, model: RobotModel, options: ConvertOptions, solver: str) -> str:
     """The base motion to take. Raises `UsageError` for one that the robot, and `MotionError` for one that the recording does not have."""
     from retarget.core.solve import base as base_motion
 
@@ -228,7 +229,7 @@ def _with_lead(motion: HumanMotion, options: ConvertOptions) -> tuple[HumanMotio
     return led, slice(int(inside[0]), int(inside[-1]) + 1)
 
 
-def _trimmed(motion: HumanMotion, targets: Targets, window: slice) -> tuple[HumanMotion, Targets]:
+def trimmed(motion: HumanMotion, targets: Targets, window: slice) -> tuple[HumanMotion, Targets]:
     """The frames of `window` of both."""
     first, last = float(motion.time[window.start]), float(motion.time[window.stop - 1])
     tasks = tuple(
@@ -270,39 +271,70 @@ def _trajectory(
     from retarget.core.solve.base import base_position
 
     solution = found.solution
-    orientation = position = linear = angular = None
+    orientation = position = None
     if model.base_is_floating:
-        orientation = solution.base_orientation
-        if orientation is None:
-            orientation = np.tile(model.base_rotation, (motion.frames, 1))
+        orientation = base_orientation(model, solution.base_orientation, motion.frames)
         position = base_position(base, model, motion, solution.joints, orientation)  # type: ignore[arg-type]  # checked above
-        linear = _rate_of_change(motion.time, position)
-        angular = rotations.angular_velocity(motion.time, orientation)
+    ranges = JointRanges.of(model.joint_names, solution.joints)
+    facts = provenance(motion, model, options, base, found.facts, ranges)
+    return assembled(motion.time, model, solution.joints, orientation, position, solution.status, facts)
+
+
+def base_orientation(model: RobotModel, solved: Array | None, frames: int) -> Array:
+    """(T, 4) wxyz of a floating robot's base: as `solved`, or upright where it was not."""
+    return np.tile(model.base_rotation, (frames, 1)) if solved is None else solved
+
+
+def assembled(
+    time_s: Array,
+    model: RobotModel,
+    joints: Array,
+    orientation: Array | None,
+    position: Array | None,
+    status: NDArray[np.int8],
+    facts: Mapping[str, Any],
+) -> JointTrajectory:
+    """The trajectory of joints (T, n) and of the base, where it floats, velocities from differences. facts: its provenance."""
     return JointTrajectory(
-        time=motion.time,
+        time=time_s,
         joint_names=model.joint_names,
-        position=solution.joints,
-        velocity=_rate_of_change(motion.time, solution.joints),
+        position=joints,
+        velocity=rate_of_change(time_s, joints),
         base_position=position,
         base_orientation=orientation,
-        base_linear_velocity=linear,
-        base_angular_velocity=angular,
-        status=solution.status,
+        base_linear_velocity=None if position is None else rate_of_change(time_s, position),
+        base_angular_velocity=None if orientation is None else rotations.angular_velocity(time_s, orientation),
+        status=status,
         base_frame=model.base_link,
         robot=model.profile.name,
-        provenance={
-            "input_sha256": motion.source.sha256,
-            "input_format": motion.source.format,
-            **({"reader_options": dict(motion.source.options)} if motion.source.options else {}),
-            "retarget_version": retarget_version(),
-            "robot_model_sha256": model.sha256,
-            "options": {**asdict(options), "base": base, "settings": dict(options.settings)},
-            "solver": found.facts,
-            **JointRanges.of(model.joint_names, solution.joints).provenance(),
-            **({} if motion.calibration is None else {"calibration_sha256": calibration_sha256(motion)}),
-        },
+        provenance=facts,
         robot_description=model.urdf,
     )
+
+
+def provenance(
+    motion: HumanMotion,
+    model: RobotModel,
+    options: ConvertOptions,
+    base: str,
+    solver: Mapping[str, Any],
+    ranges: JointRanges | None,
+) -> dict[str, Any]:
+    """Facts of how a trajectory was made, JSON-able.
+
+    base: the base motion taken. solver: how the solution was found. ranges: of the joints, None where they are not known yet.
+    """
+    return {
+        "input_sha256": motion.source.sha256,
+        "input_format": motion.source.format,
+        **({"reader_options": dict(motion.source.options)} if motion.source.options else {}),
+        "retarget_version": retarget_version(),
+        "robot_model_sha256": model.sha256,
+        "options": {**asdict(options), "base": base, "settings": dict(options.settings)},
+        "solver": solver,
+        **({} if ranges is None else ranges.provenance()),
+        **({} if motion.calibration is None else {"calibration_sha256": calibration_sha256(motion)}),
+    }
 
 
 def calibration_sha256(motion: HumanMotion) -> str:
@@ -310,7 +342,7 @@ def calibration_sha256(motion: HumanMotion) -> str:
     return "" if motion.calibration is None else hashlib.sha256(motion.calibration.to_json().encode()).hexdigest()
 
 
-def _rate_of_change(time_s: Array, values: Array) -> Array:
+def rate_of_change(time_s: Array, values: Array) -> Array:
     """Central differences (T, k) of `values` per second: never beyond the largest step's rate, so limits that hold on steps hold here."""
     return np.gradient(values, time_s, axis=0) if len(time_s) > 1 else np.zeros_like(values)
 
@@ -323,12 +355,15 @@ def retarget_version() -> str:
         return "unknown"
 
 
-class _Stages:
+class Stages:
+    """Where the time went: seconds by stage, added up."""
+
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
+        """Count the time that the block takes as the stage's."""
         begin = time.perf_counter()
         yield
-        self.seconds[name] = time.perf_counter() - begin
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - begin

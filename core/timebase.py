@@ -5,8 +5,9 @@ Times are seconds, strictly increasing. Quaternions are unit wxyz, continuous in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +46,23 @@ def cut(motion: HumanMotion, start: float | None, end: float | None) -> HumanMot
     )
 
 
+def joined(parts: Sequence[HumanMotion]) -> HumanMotion:
+    """Consecutive parts of one motion as one; what they say of the person is the first one's, `source` the last one's."""
+    if len(parts) == 1:
+        return parts[0]
+
+    def together(name: str) -> Array | None:
+        if getattr(parts[0], name) is None:
+            return None
+        values: Array = np.concatenate([getattr(part, name) for part in parts])
+        values.flags.writeable = False  # so it is shared, not copied
+        return values
+
+    fields = ("time", "orientation", "position", "angular_velocity", "foot_contacts")
+    arrays: dict[str, Any] = {name: together(name) for name in fields}
+    return replace(parts[0], source=parts[-1].source, **arrays)
+
+
 def resample(motion: HumanMotion, rate_hz: float, anchor_s: float | None = None) -> HumanMotion:
     """The motion at `rate_hz`, never beyond its first and last frame; one frame falls on `anchor_s`, a time in it (its first when None).
 
@@ -54,13 +72,20 @@ def resample(motion: HumanMotion, rate_hz: float, anchor_s: float | None = None)
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise UsageError(f"rate {rate_hz:g} Hz; expected a positive number")
     t = motion.time
+    anchor = t[0] if anchor_s is None else anchor_s
+    if not t[0] - CLOCK_SLACK_S <= anchor <= t[-1] + CLOCK_SLACK_S:
+        raise UsageError(f"anchor {anchor:g} s; expected a time from {t[0]:g} s to {t[-1]:g} s")
+    return on_grid(motion, rate_hz, anchor)
+
+
+def on_grid(motion: HumanMotion, rate_hz: float, anchor: float) -> HumanMotion:
+    """As `resample`, at those times anchor + k / rate_hz, k whole, that are in the motion; `anchor` need not be. Parts of a motion get the
+    very same frames as the whole."""
+    t = motion.time
     steps = float(t[-1] - t[0]) * rate_hz
     most = LARGEST_ARRAY_BYTES // motion.orientation[0].nbytes
     if steps >= most:
         raise UsageError(f"rate {rate_hz:g} Hz gives {steps:.3g} frames; expected at most {most:,}")
-    anchor = t[0] if anchor_s is None else anchor_s
-    if not t[0] - CLOCK_SLACK_S <= anchor <= t[-1] + CLOCK_SLACK_S:
-        raise UsageError(f"anchor {anchor:g} s; expected a time from {t[0]:g} s to {t[-1]:g} s")
     first, last = np.ceil((t[0] - anchor) * rate_hz - 1e-6), np.floor((t[-1] - anchor) * rate_hz + 1e-6)
     new = np.clip(anchor + np.arange(first, last + 1) / rate_hz, t[0], t[-1])
     if len(new) == len(t) and np.allclose(new, t, rtol=0, atol=1e-9):

@@ -7,7 +7,7 @@ a `Format` or a module holding one. Nothing else needs to be told.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
@@ -17,7 +17,7 @@ from retarget.formats import _folders
 from retarget.formats._describe import motion_facts, trajectory_facts
 from retarget.formats._files import new_file
 from retarget.formats._input import Input, opened
-from retarget.formats._output import write_trajectory, write_trajectory_stream
+from retarget.formats._output import write_trajectory, write_trajectory_parts, write_trajectory_stream
 from retarget.formats._reader_options import noted
 from retarget.formats._registry import available, detect, get, names
 from retarget.formats._replay_log import ReplayLog
@@ -42,7 +42,9 @@ __all__ = [
     "read_recording",
     "read_trackers",
     "read_trajectory",
+    "stream_recording",
     "write_trajectory",
+    "write_trajectory_parts",
     "write_trajectory_stream",
 ]
 
@@ -97,12 +99,26 @@ def read_recording(
 ) -> HumanMotion | TrackerRecording:
     """What `source` recorded of a person: a motion of segments, or poses of trackers, as it holds; errors as those of `read_motion`."""
     with opened(source, name, format, "read_trackers") as (stream, shown, found):
-        recording = _recording(stream, shown, found, options, found.read_trackers or found.read_motion)
-        if recording is not None:
-            return recording
-    raise UsageError(
-        f"{shown}: {found.name} holds {_content(found)}, not a person's motion; expected one of {_readers('trackers', 'motion')}"
-    )
+        return _read_recording(stream, shown, found, options)
+
+
+def stream_recording(
+    source: Input, first_s: float, name: str | None = None, options: TrackerOptions | None = None
+) -> Iterator[HumanMotion | TrackerRecording]:
+    """As `read_recording`, in consecutive parts while `source` arrives, the first lasting `first_s` seconds of the recording, or all there is.
+
+    Joined, the parts are the motion, and the last one's `source` is that of the whole; of formats that can't be read in parts, and of
+    trackers, there is one. Raises what `read_recording` raises, when it is met.
+    """
+    with opened(source, name, None, "read_trackers") as (stream, shown, found):
+        if found.stream_motion is not None:
+            _refuse_ros_options(shown, found, options or TrackerOptions())
+            try:
+                yield from found.stream_motion(stream, shown, first_s)
+            except InvalidDataError as error:
+                raise FormatError(shown, str(error)) from error
+            return
+        yield _read_recording(stream, shown, found, options)
 
 
 def read_any(
@@ -127,6 +143,17 @@ def read_any(
             except InvalidDataError as error:
                 raise FormatError(shown, str(error)) from error
     raise UsageError(f"{shown}: {found.name} can only be written")
+
+
+def _read_recording(
+    stream: BinaryIO, name: str, found: Format, options: TrackerOptions | None
+) -> HumanMotion | TrackerRecording:
+    recording = _recording(stream, name, found, options, found.read_trackers or found.read_motion)
+    if recording is not None:
+        return recording
+    raise UsageError(
+        f"{name}: {found.name} holds {_content(found)}, not a person's motion; expected one of {_readers('trackers', 'motion')}"
+    )
 
 
 def _read_kind(

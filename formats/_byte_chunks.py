@@ -23,13 +23,13 @@ class Digest(Protocol):
         """Take in `data`."""
 
 
-def read_chunks(stream: BinaryIO, name: str, digest: Digest) -> Iterator[bytes]:
+def read_chunks(stream: BinaryIO, name: str, digest: Digest, *, as_it_comes: bool = False) -> Iterator[bytes]:
     """The content of `stream` in chunks of at most `CHUNK_BYTES`, none of them empty; never seeks.
 
-    `digest` takes in the bytes as they stand in the stream. Content that starts with gzip's magic is decompressed, all its
+    as_it_comes: don't wait for a pipe to fill a chunk. `digest` takes in the bytes as they stand in the stream. Content that starts with gzip's magic is decompressed, all its
     members. Raises `FormatError` for a gzip stream that is damaged, ends early, or is followed by something else.
     """
-    blocks = _hashed(stream, digest)
+    blocks = _hashed(stream, digest, as_it_comes)
     first = b""
     while len(first) < len(_GZIP_MAGIC) and (block := next(blocks, b"")):
         first += block
@@ -59,8 +59,9 @@ def collect_chunks(stream: BinaryIO, name: str, digest: Digest, chunks: list[byt
         chunks.append(chunk)
 
 
-def _hashed(stream: BinaryIO, digest: Digest) -> Iterator[bytes]:
-    while block := stream.read(CHUNK_BYTES):
+def _hashed(stream: BinaryIO, digest: Digest, as_it_comes: bool) -> Iterator[bytes]:
+    read = getattr(stream, "read1", stream.read) if as_it_comes else stream.read
+    while block := read(CHUNK_BYTES):
         digest.update(block)
         yield block
 

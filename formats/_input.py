@@ -116,7 +116,8 @@ class _Rejoined(io.RawIOBase):
         block: bytes | memoryview = self._head[: len(buffer)]
         self._head = self._head[len(block) :]
         if not block:
-            block = self._rest.read(len(buffer))
+            # What is there, at least a byte: who wants a full buffer asks again.
+            block = getattr(self._rest, "read1", self._rest.read)(len(buffer))
         buffer[: len(block)] = block
         return len(block)
 

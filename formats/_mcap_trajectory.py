@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import BinaryIO
 
@@ -34,13 +34,7 @@ def write(
         raise RetargetError("mcap: the person's motion has other times than the trajectory; expected the same frames")
     stamps = _stamps(trajectory.time)
     frame = _frame_of(trajectory, motion)
-    once: list[tuple[int, bytes]] = []
-    if trajectory.base_position is None:
-        channel = frame.declare("/tf_static", TF_MESSAGE, latched=True)
-        once.append((channel, _static_identity(trajectory.base_frame)))
-    if trajectory.robot_description:
-        channel = frame.declare("/robot_description", STRING, latched=True)
-        once.append((channel, _text_message(trajectory.robot_description)))
+    once = _declare_once(frame, trajectory)
     if style == WITH_JOINT_TRAJECTORY:
         once.append((frame.declare("/joint_trajectory", JOINT_TRAJECTORY), _whole_trajectory(trajectory, stamps)))
     file = McapFile(stream, frame.topics, {METADATA: _metadata(trajectory)})
@@ -48,6 +42,39 @@ def write(
         _write_once(file, once, int(stamps[0]))
     _write_frames(file, frame, stamps)
     file.finish()
+    return file
+
+
+def write_parts(stream: BinaryIO, parts: Iterable[JointTrajectory]) -> McapFile | None:
+    """Write a trajectory that comes in consecutive parts, each before the next is asked for, to a stream that need not seek; what was written.
+
+    What only the end can tell stands in a second metadata record there: the last part's provenance, where it is another than the first one's.
+    The record is complete, and readers take the last. `/frame_status` has messages in parts of which some frame is marked. Raises
+    `RetargetError` as `write`, and for parts that don't fit together; without any part nothing is written.
+    """
+    file: McapFile | None = None
+    topics: list[Topic] = []
+    said, last = dict[str, str](), dict[str, str]()
+    frames, last_stamp = 0, -1
+    for part in parts:
+        stamps, frame, last = _stamps(part.time), _frame_of(part, None, may_be_marked_later=True), _metadata(part)
+        if file is None:
+            topics, said = list(frame.topics), last
+            once = _declare_once(frame, part)
+            file = McapFile(stream, frame.topics, {METADATA: said})
+            if once:
+                _write_once(file, once, int(stamps[0]))
+        elif (
+            stamps[0] <= last_stamp or frame.topics != topics or last | {"provenance": ""} != said | {"provenance": ""}
+        ):
+            raise RetargetError(f"mcap: the part from {part.time[0]:g} s on does not continue the one before")
+        _write_frames(file, frame, stamps, frames)
+        stream.flush()
+        frames, last_stamp = frames + part.frames, int(stamps[-1])
+    if file is not None:
+        if last != said:
+            file.metadata(METADATA, last)
+        file.finish()
     return file
 
 
@@ -77,7 +104,19 @@ class _Frame:
             yield self.layout
 
 
-def _frame_of(trajectory: JointTrajectory, motion: HumanMotion | None) -> _Frame:
+def _declare_once(frame: _Frame, trajectory: JointTrajectory) -> list[tuple[int, bytes]]:
+    """Adds the topics that hold a single message to `frame`: their channel ids and messages."""
+    once: list[tuple[int, bytes]] = []
+    if trajectory.base_position is None:
+        channel = frame.declare("/tf_static", TF_MESSAGE, latched=True)
+        once.append((channel, _static_identity(trajectory.base_frame)))
+    if trajectory.robot_description:
+        channel = frame.declare("/robot_description", STRING, latched=True)
+        once.append((channel, _text_message(trajectory.robot_description)))
+    return once
+
+
+def _frame_of(trajectory: JointTrajectory, motion: HumanMotion | None, *, may_be_marked_later: bool = False) -> _Frame:
     frame = _Frame()
     count = len(trajectory.joint_names)
     with frame.message("/joint_states", JOINT_STATE, "joint.") as layout:
@@ -99,6 +138,8 @@ def _frame_of(trajectory: JointTrajectory, motion: HumanMotion | None) -> _Frame
         with frame.message("/frame_status", INT8, "status.") as layout:
             _cdr.int8(layout, slot="status.")
         frame.values["status.data"] = trajectory.status
+    elif may_be_marked_later:
+        frame.declare("/frame_status", INT8)
     return frame
 
 
@@ -115,8 +156,11 @@ def _moving_frames(trajectory: JointTrajectory, motion: HumanMotion | None) -> l
     return poses
 
 
-def _write_frames(file: McapFile, frame: _Frame, stamps: Stamps) -> None:
-    """Write every frame's messages, as many frames a chunk as fit; the rows of one chunk are the template of the next."""
+def _write_frames(file: McapFile, frame: _Frame, stamps: Stamps, before: int = 0) -> None:
+    """Write every frame's messages, as many frames a chunk as fit; the rows of one chunk are the template of the next.
+
+    before: frames that the file holds already.
+    """
     layout, size = frame.layout, len(frame.layout.template)
     count = min(max(1, _CHUNK_BYTES // size), len(stamps))
     rows = layout.rows(count)
@@ -131,7 +175,7 @@ def _write_frames(file: McapFile, frame: _Frame, stamps: Stamps) -> None:
         for slot in headers:
             block[f"{slot}sec"], block[f"{slot}nanosec"] = seconds[part], nanoseconds[part]
         for channel, (slot, offset) in frame.records.items():
-            block[f"{slot}sequence"] = np.arange(part.start, part.stop)
+            block[f"{slot}sequence"] = np.arange(before + part.start, before + part.stop)
             block[f"{slot}log_time"] = block[f"{slot}publish_time"] = stamps[part]
             places = row_starts[: len(block)] + np.uint64(offset)
             indexes[channel] = np.stack([stamps[part].astype(np.uint64), places], axis=1)

@@ -66,12 +66,12 @@ def message_record(layout: Layout, channel_id: int, slot: str) -> Iterator[None]
 class McapFile:
     """An MCAP file being written to a stream that need not seek or tell.
 
-    Call `chunk` any number of times, then `finish`. `topics` are declared in the first chunk. Chunks are compressed with zstd, as by
+    Call `chunk` and `metadata` any number of times, then `finish`. `topics` are declared in the first chunk. Chunks are compressed with zstd, as by
     `mcap.writer.Writer`, at level 1: for 29 joints that leaves 0.4 of the bytes and costs about 1 µs a frame.
     """
 
     def __init__(self, stream: BinaryIO, topics: Sequence[Topic], metadata: Mapping[str, Mapping[str, str]]) -> None:
-        from mcap.records import Channel, Header, Metadata, MetadataIndex, Schema
+        from mcap.records import Channel, Header, Schema
         from mcap.writer import LIBRARY_IDENTIFIER
         from zstandard import ZstdCompressor
 
@@ -104,10 +104,16 @@ class McapFile:
         self._write(MAGIC)
         self._records(Header("ros2", LIBRARY_IDENTIFIER))
         for name, entries in metadata.items():
-            start = self._offset
-            self._records(Metadata(name=name, metadata=dict(entries)))
-            self._metadata_indexes.append(MetadataIndex(offset=start, length=self._offset - start, name=name))
+            self.metadata(name, entries)
         self._prefix = _encoded([*self._schemas, *self._channels])
+
+    def metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """Write a metadata record; there may be several of one name."""
+        from mcap.records import Metadata, MetadataIndex
+
+        start = self._offset
+        self._records(Metadata(name=name, metadata=dict(entries)))
+        self._metadata_indexes.append(MetadataIndex(offset=start, length=self._offset - start, name=name))
 
     def chunk(self, data: memoryview, messages: Mapping[int, NDArray[np.uint64]]) -> None:
         """Write one chunk and its message indexes.

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import hashlib
 from array import array
-from collections.abc import Mapping
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import BinaryIO
 from xml.parsers import expat
@@ -63,12 +64,52 @@ def parse_mvnx(stream: BinaryIO, name: str) -> MvnxRecording:
     return parser.finish(digest.hexdigest())
 
 
+@dataclass(frozen=True)
+class MvnxPart:
+    """Consecutive frames of a document, with some around them for who has to interpolate.
+
+    recording: the frames that are held, `sha256` "" but in the last part. first: number of its first frame in the document. own: which
+    of its frames are the part's; those of all parts together are the document's, each once. index: of all frames so far; is_last.
+    """
+
+    recording: MvnxRecording
+    first: int
+    own: slice
+    index: NDArray[np.int64]
+    is_last: bool
+
+
+def parse_mvnx_parts(stream: BinaryIO, name: str, first_s: float, frames: int, around_s: float) -> Iterator[MvnxPart]:
+    """As `parse_mvnx`, a part at a time while the document arrives: the first lasts `first_s`, the others hold `frames` frames.
+
+    Where parts end does not depend on how the stream's bytes come. Each holds more than `around_s` of the frames before and after it, as far as
+    there are any. Raises `FormatError` as soon as the fault is met.
+    """
+    digest = hashlib.sha256()
+    parser = _Parser(name)
+    begin = 0
+    for chunk in read_chunks(stream, name, digest, as_it_comes=True):
+        parser.feed(chunk)
+        while (stop := parser.end_of_part(begin, first_s, frames)) and (held := parser.reach(stop - 1, around_s)):
+            low = parser.reach(begin, -around_s) if begin else 0
+            assert low is not None
+            index = np.array(parser.index[:stop], np.int64)
+            yield MvnxPart(parser.part(low, held), low, slice(begin - low, stop - low), index, False)
+            begin = stop
+            parser.drop(low)
+    recording = parser.finish(digest.hexdigest())
+    index = np.array(parser.index, np.int64)
+    low = len(index) - len(recording.index)
+    yield MvnxPart(recording, low, slice(begin - low, len(index) - low), index, True)
+
+
 class _Column:
     """One field's values over all frames: texts of the current chunk, and the array that they go to."""
 
     def __init__(self, field: str, width: int, expected: str) -> None:
         self.field, self.width, self.expected = field, width, expected
         self.values = np.empty((0, width))
+        self.first = 0  # the frame in the array's first row: those before were dropped
         self.last = -1  # newest frame that has the field
         self.texts: list[str] = []  # one for each frame of `frames`, the last one perhaps in several pieces so far
         self.frames: list[int] = []
@@ -91,22 +132,33 @@ class _Column:
             return
         rows = parse_rows(self.texts[:count], self.width)
         self._grow(frames)
-        first, last = self.frames[0], self.frames[count - 1]
-        self.values[slice(first, last + 1) if last - first + 1 == count else self.frames[:count]] = rows
+        places = np.array(self.frames[:count]) - self.first
+        first, last = int(places[0]), int(places[-1])
+        self.values[slice(first, last + 1) if last - first + 1 == count else places] = rows
         del self.texts[:count], self.frames[:count], self.lines[:count]
 
     def finish(self, frames: int) -> Array:
-        """The array, with exactly `frames` rows."""
+        """The array, with exactly the rows that are held of `frames`."""
         self._grow(frames)
-        self.values.resize((frames, self.width), refcheck=False)
+        self.values.resize((frames - self.first, self.width), refcheck=False)
         return self.values
 
+    def rows(self, first: int, stop: int) -> Array:
+        """A copy of the rows of frames `first` to `stop` - 1, all of which are complete and held."""
+        self._grow(stop)
+        return self.values[first - self.first : stop - self.first].copy()
+
+    def drop(self, before: int) -> None:
+        """Hold the rows of frames from `before` on only."""
+        self.values = self.values[before - self.first :].copy()
+        self.first = before
+
     def _grow(self, frames: int) -> None:
-        have = len(self.values)
-        if frames > have:
+        have, needed = len(self.values), frames - self.first
+        if needed > have:
             # In place, and by bounded steps: a list of blocks would need twice the memory at the end.
             step = min(have // 4, _GROW_BYTES // (8 * max(self.width, 1)))
-            self.values.resize((max(frames, have + step), self.width), refcheck=False)
+            self.values.resize((max(needed, have + step), self.width), refcheck=False)
             self.values[have:] = np.nan
 
 
@@ -161,11 +213,47 @@ class _Parser:
             found = ", ".join(kinds[:5] + ["…"] * (len(kinds) > 5)) or "none"
             raise FormatError(self.name, "no frame of type 'normal'", expected=f"a motion; found frames: {found}")
         normal = self.wanted["normal"].values()
+        first = self.wanted["normal"]["orientation"].first
+        values = {column.field: column.finish(len(self.index)) for column in normal if column.last >= 0}
+        return self._recording(np.array(self.index[first:], np.int64), values, sha256)
+
+    def part(self, first: int, stop: int) -> MvnxRecording:
+        """What is known so far, with frames `first` to `stop` - 1, which are whole; `sha256` is not known yet."""
+        normal = self.wanted["normal"].values()
+        values = {column.field: column.rows(first, stop) for column in normal if column.last >= 0}
+        return self._recording(np.array(self.index[first:stop], np.int64), values, "")
+
+    def end_of_part(self, begin: int, first_s: float, frames: int) -> int | None:
+        """Number of the frame after the part that starts with `begin`; None where it is not there yet."""
+        if begin:
+            return begin + frames if begin + frames < self.whole_frames else None
+        whole = self.index[: self.whole_frames]
+        if not whole or whole[-1] - whole[0] <= first_s * self.head.header.rate_hz:
+            return None
+        return bisect_right(whole, whole[0] + first_s * self.head.header.rate_hz)
+
+    def reach(self, frame: int, seconds: float) -> int | None:
+        """So far from `frame` that more than `seconds` (forward when positive) lie between: the number after that frame, or of it.
+
+        Forward, None where that frame is not whole yet; backward the first that is there.
+        """
+        at = self.index[frame] + seconds * self.head.header.rate_hz
+        if seconds < 0:
+            return max(bisect_left(self.index, at) - 1, 0)
+        after = bisect_right(self.index, at)
+        return after + 1 if after < self.whole_frames else None
+
+    def drop(self, before: int) -> None:
+        """Forget the values of normal frames before the number `before`."""
+        for column in self.wanted["normal"].values():
+            column.drop(before)
+
+    def _recording(self, index: NDArray[np.int64], values: Mapping[str, Array], sha256: str) -> MvnxRecording:
         return MvnxRecording(
             header=self.head.header,
-            index=np.array(self.index, np.int64),
+            index=index,
             indexed=self.indexed,
-            values={column.field: column.finish(len(self.index)) for column in normal if column.last >= 0},
+            values=values,
             references={
                 kind: self.wanted[kind]["orientation"].finish(1).reshape(-1, 4)
                 for kind in REFERENCE_FRAMES

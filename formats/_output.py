@@ -6,6 +6,8 @@ import errno
 import io
 import os
 import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -63,9 +65,35 @@ def write_trajectory_stream(
     if not chosen.pipeable:
         raise UsageError(f"{chosen.name} can't be written to a pipe; write it to a file with -o FILE")
     _trajectory.check_texts(trajectory)
+    with _to_stream(stream) as out:
+        _write(chosen, out, trajectory, style, motion)
+
+
+def write_trajectory_parts(stream: BinaryIO, parts: Iterable[JointTrajectory], format: str = "mcap") -> None:
+    """Write a trajectory that comes in consecutive parts, at least one, in the format's default style: each part is out before the next is asked for.
+
+    The stream is as in `write_trajectory_stream`, and so are errors. What iterating over `parts` raises is passed on: the document then lacks
+    its end, and readers say so.
+    """
+    chosen = _registry.get(format)
+    if chosen.write_parts is None:
+        raise UsageError(f"{chosen.name} can't be written in parts; expected a whole trajectory")
+    with _to_stream(stream) as out:
+        chosen.write_parts(out, _checked(parts))
+
+
+def _checked(parts: Iterable[JointTrajectory]) -> Iterator[JointTrajectory]:
+    for part in parts:
+        _trajectory.check_texts(part)
+        yield part
+
+
+@contextmanager
+def _to_stream(stream: BinaryIO) -> Iterator[BinaryIO]:
+    """A stream that takes all it is given, flushed at the end; what the file system refuses becomes one line."""
     out = cast(BinaryIO, _Whole(stream)) if isinstance(stream, io.RawIOBase) else stream
     try:
-        _write(chosen, out, trajectory, style, motion)
+        yield out
         out.flush()
     except BrokenPipeError:
         raise

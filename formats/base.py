@@ -6,7 +6,7 @@ name for messages; opening, renaming into place, decompression by suffix and pip
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
@@ -91,11 +91,13 @@ def _check_rate(rate_hz: float | None) -> None:
 
 
 MotionReader = Callable[[BinaryIO, str], HumanMotion]
+MotionStreamer = Callable[[BinaryIO, str, float], Iterator[HumanMotion]]
 TrajectoryReader = Callable[[BinaryIO, str, TrajectoryOptions], JointTrajectory]
 TrackerReader = Callable[[BinaryIO, str, TrackerOptions], TrackerRecording]
 RecordingReader = Callable[[BinaryIO, str, TrackerOptions], HumanMotion | TrackerRecording | None]
 TrackerDescriber = Callable[[BinaryIO, str, TrackerOptions], Mapping[str, Any]]
 TrajectoryWriter = Callable[[BinaryIO, JointTrajectory, str], None]
+PartsWriter = Callable[[BinaryIO, Iterable[JointTrajectory]], None]
 SceneWriter = Callable[[BinaryIO, JointTrajectory, str, HumanMotion], None]
 FolderWriter = Callable[[Path, JointTrajectory, str, HumanMotion | None], None]
 FolderReader = Callable[[Path, str, TrajectoryOptions], JointTrajectory]
@@ -112,11 +114,15 @@ class Format:
     magic: byte strings of which a file starts with one, for files whose suffix tells nothing; empty = no magic.
     recognises: whether a file that starts with these bytes is of this format, asked where a suffix is shared; None = can't say.
     read_motion: (binary stream, display name) → type; None = this format doesn't hold that. read_trajectory: the same, with options.
+    stream_motion: (binary stream, display name, seconds) → consecutive parts of the motion as the stream arrives, the first so long or all there is;
+    joined they are what `read_motion` gives, and the last one's `source` is that of the whole.
     read_trackers: (binary stream, display name, options) → poses of devices that are nobody's segments yet.
     read_recording: the same arguments → a motion or trackers, for formats that hold either; None = the file is a robot's.
     describe_trackers: as `describe`, for formats with `read_trackers` or `read_recording`.
     write_trajectory: (binary stream, trajectory, style) → nothing.
     write_with_motion: the same, with the person's motion, for formats that can show both.
+    write_parts: (binary stream, consecutive parts of a trajectory) → nothing: each part is written before the next is asked for, in the default
+    style. The last part's provenance is that of the whole.
     recognises_folder: whether a folder is of this format, of formats that are folders; those have `read_folder` (folder, display name,
     options) and `write_folder` (empty folder, trajectory, style, motion or None) in place of the functions of streams.
     describe: (binary stream, display name) → facts for `retarget info`, cheaper than a full read; None = from a full read.
@@ -131,11 +137,13 @@ class Format:
     magic: tuple[bytes, ...] = ()
     recognises: Callable[[bytes], bool] | None = None
     read_motion: MotionReader | None = None
+    stream_motion: MotionStreamer | None = None
     read_trajectory: TrajectoryReader | None = None
     read_trackers: TrackerReader | None = None
     read_recording: RecordingReader | None = None
     write_trajectory: TrajectoryWriter | None = None
     write_with_motion: SceneWriter | None = None
+    write_parts: PartsWriter | None = None
     recognises_folder: Callable[[Path], bool] | None = None
     read_folder: FolderReader | None = None
     write_folder: FolderWriter | None = None

@@ -13,7 +13,9 @@
 Joints stand in the robot's own order (that of its URDF), named in every message. The person's frames are the identity, all axes along the
 world's, in T-pose facing +X. `retarget convert --human` writes them; readers of the trajectory don't need them.
 
-Names, robot, kind of base and provenance stand in a metadata record named `retarget`. Time 0 of the trajectory is stamp 0, so the
+Names, robot, kind of base and provenance stand in a metadata record named `retarget`. A recording that was converted in blocks as it arrived
+(`retarget convert -o -`) has a second one at the end, complete, with what was not known before: the last one counts. There, `/frame_status`
+is always declared. Time 0 of the trajectory is stamp 0, so the
 same trajectory always gives the same bytes. Stamps are whole nanoseconds: times come back within 0.5 ns, everything else bit for bit.
 Times must be in [0, 2³¹) s and at least a nanosecond apart.
 
@@ -28,7 +30,7 @@ As a recording of a person, from a file or a pipe, MCAP gives what `rosbag` says
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, BinaryIO, cast
 
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
@@ -48,6 +50,11 @@ def write_trajectory(stream: BinaryIO, trajectory: JointTrajectory, style: str =
 def write_with_motion(stream: BinaryIO, trajectory: JointTrajectory, style: str, motion: HumanMotion) -> None:
     """As `write_trajectory`, and the person beside the robot. Raises `RetargetError` also for a motion of other times."""
     _mcap_trajectory.write(stream, trajectory, style, motion)
+
+
+def write_parts(stream: BinaryIO, parts: Iterable[JointTrajectory]) -> None:
+    """Write a trajectory that comes in consecutive parts; see `Format.write_parts`. Raises `RetargetError` as `write_trajectory`."""
+    _mcap_trajectory.write_parts(stream, parts)
 
 
 def read_trajectory(stream: BinaryIO, name: str, _options: TrajectoryOptions | None = None) -> JointTrajectory:
@@ -135,6 +142,7 @@ FORMAT = Format(
     is_own_output=_is_own_output,
     write_trajectory=write_trajectory,
     write_with_motion=write_with_motion,
+    write_parts=write_parts,
     pipeable=True,
     styles=("default", _mcap_trajectory.WITH_JOINT_TRAJECTORY),
 )

@@ -64,8 +64,9 @@ class FixedMeasures:
         if power[strongest] > self.peak_power_w:
             self.peak_power_w, self.peak_power_s = float(power[strongest]), float(t[strongest])
         largest = [_largest(values, self._bin) for values in (error, torque, power[:, None])]
-        now = (signals.reference[:: self._bin], signals.position[:: self._bin])
-        self._points.append((t[:: self._bin], *now, *largest))
+        # Copies: what is a view would keep every step's values.
+        now = (values[:: self._bin].copy() for values in (t, signals.reference, signals.position))
+        self._points.append((*now, *largest))
         self._balance.add(signals)
 
     @property

@@ -11,6 +11,8 @@ from retarget.core.types import Array
 
 NEIGHBOURS = 5
 """Steps over which the median tells the usual one: two false steps (there and back) among five don't move it."""
+CHUNK = 4096
+"""Frames computed together."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,11 @@ def local_jumps(values: Array, time: Array) -> Array:
     if len(moved) <= half:
         return np.asarray(moved)
     padded = np.pad(moved, ((half, half), (0, 0)), mode="reflect")
-    return np.asarray(moved - np.sort(sliding_window_view(padded, NEIGHBOURS, axis=0), axis=-1)[..., half])
+    around = sliding_window_view(padded, NEIGHBOURS, axis=0)
+    for start in range(0, len(moved), CHUNK):  # sorting copies: five times as much as there is
+        part = slice(start, start + CHUNK)
+        moved[part] -= np.sort(around[part], axis=-1)[..., half]
+    return np.asarray(moved)
 
 
 def lasting(values: Array, time: Array, duration_s: float) -> Array:

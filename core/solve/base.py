@@ -49,37 +49,46 @@ def sole_corners(model: RobotModel, poses: Poses) -> dict[str, Array]:
 
 
 def base_position(
-    mode: BaseMode, model: RobotModel, motion: HumanMotion, joints: Array, base_orientation: Array
+    mode: BaseMode,
+    model: RobotModel,
+    motion: HumanMotion,
+    joints: Array,
+    base_orientation: Array,
+    scale: float | None = None,
 ) -> Array:
     """Position (T, 3) m of the base link's origin, world, floor at z = 0, first frame above the world's origin.
 
-    joints: (T, n) rad; base_orientation: (T, 4) wxyz; motion: the T frames that were retargeted.
+    joints: (T, n) rad; base_orientation: (T, 4) wxyz; motion: the T frames that were retargeted. scale: of the person's path, None =
+    `leg_scale` of the motion.
     """
     corners = sole_corners(model, Poses.of(model, foot_links(model), joints, base_orientation))
     if mode == "fixed" or not corners:
         standing = np.zeros((motion.frames, 3))
         if mode == "human":
-            standing = scaled_pelvis_path(model, motion)
+            standing = scaled_pelvis_path(model, motion, scale)
         lowest = min((float(c[0, :, 2].min()) for c in corners.values()), default=0.0)
         standing[:, 2] -= lowest if mode == "fixed" else 0.0
         return standing
     if mode == "human":
-        path = scaled_pelvis_path(model, motion)
+        path = scaled_pelvis_path(model, motion, scale)
         lowest = np.min([c[:, :, 2].min(axis=1) for c in corners.values()], axis=0) + path[:, 2]
         # One constant for the whole clip: the path keeps its shape; feet may leave the ground or enter it a little.
         path[:, 2] -= np.percentile(lowest, 25)
         return path
-    return _contact_path(model, motion, corners)
+    return _contact_path(model, motion, corners, scale)
 
 
-def scaled_pelvis_path(model: RobotModel, motion: HumanMotion) -> Array:
-    """The person's pelvis path (T, 3) m times robot hip height ÷ human hip height, from above the world's origin on; zero if untracked."""
+def scaled_pelvis_path(model: RobotModel, motion: HumanMotion, scale: float | None = None) -> Array:
+    """The person's pelvis path (T, 3) m times robot hip height ÷ human hip height, from above the world's origin on; zero if untracked.
+
+    scale: that ratio, None = `leg_scale` of the motion.
+    """
     if not motion.has("Pelvis"):
         return np.zeros((motion.frames, 3))
     path = motion.position[:, motion.index("Pelvis")]
     if np.isnan(path).any():
         return np.zeros((motion.frames, 3))
-    scaled: Array = leg_scale(model, motion) * (path - path[0])
+    scaled: Array = (leg_scale(model, motion) if scale is None else scale) * (path - path[0])
     return scaled
 
 
@@ -134,13 +143,13 @@ def _robot_leg(model: RobotModel, side: str) -> tuple[float, float | None]:
     return leg, float(ankle[2] - sole[:, 2].mean())
 
 
-def _contact_path(model: RobotModel, motion: HumanMotion, corners: dict[str, Array]) -> Array:
+def _contact_path(model: RobotModel, motion: HumanMotion, corners: dict[str, Array], scale: float | None) -> Array:
     """Integrates the base so that the corners in contact stand still on average; height from the lowest corner, or the human's in flight."""
     sides = list(corners)
     points = np.concatenate([corners[side] for side in sides], axis=1)  # (T, K, 3), relative to the base
     weight = _corner_weights(model, motion, sides)
     flight = weight.sum(axis=1) < 1e-6
-    human = scaled_pelvis_path(model, motion)
+    human = scaled_pelvis_path(model, motion, scale)
     shared = weight[1:] * weight[:-1]  # a corner counts for a step only if it is in contact at both its ends
     total = shared.sum(axis=1)
     held = total > 1e-9

@@ -31,15 +31,25 @@ class ClipSolution:
 
 
 def by_one_qp_a_frame(
-    targets: Targets, model: RobotModel, *, free_base: bool, online: bool, kernel: str, progress: Progress | None
+    targets: Targets,
+    model: RobotModel,
+    *,
+    free_base: bool,
+    online: bool,
+    kernel: str,
+    progress: Progress | None,
+    start: tuple[Array, Array | None] | None = None,
 ) -> ClipSolution:
-    """Dynamical inverse kinematics, offline calmed and rounded off. Online there is neither: what comes later is not known yet."""
+    """Dynamical inverse kinematics, offline calmed and rounded off. Online there is neither: what comes later is not known yet.
+
+    start: where the first frame is solved from, as `dynamical.solve` says.
+    """
     problem = orientation_problem(targets, model, free_base=free_base)
     newton = NewtonOptions(posture_weight=model.profile.posture_weight)
     how = DynamicalOptions(online=online, kernel=kernel, newton=newton)
-    solution, passes = solve_dynamical(problem, how, progress), 0
+    solution, passes = solve_dynamical(problem, how, progress, start), 0
     if not online:
-        solution, passes = calmed(problem, solution, lambda again: solve_dynamical(again, how, progress))
+        solution, passes = calmed(problem, solution, lambda again: solve_dynamical(again, how, progress, start))
         solution = replace(solution, joints=rounded_off(problem, solution.joints))
     return ClipSolution(
         solution,

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from retarget.core import rotations
 from retarget.core.solve.basins import leave_worse_basins
 from retarget.core.solve.kernel_choice import chosen
-from retarget.core.solve.newton import FrameSolver, NewtonOptions, Path
+from retarget.core.solve.limits import nearest_feasible
+from retarget.core.solve.newton import Converged, FrameSolver, NewtonOptions, Path
 from retarget.core.solve.online import OnlineOptions, OnlineSolver
 from retarget.core.solve.problem import OrientationProblem
 from retarget.core.solve.starts import best_start, postures
@@ -65,16 +66,23 @@ class Solution:
     exchanged: int = 0
 
 
-def solve(problem: OrientationProblem, options: DynamicalOptions, progress: Progress | None = None) -> Solution:
+def solve(
+    problem: OrientationProblem,
+    options: DynamicalOptions,
+    progress: Progress | None = None,
+    start: tuple[Array, Array | None] | None = None,
+) -> Solution:
     """Joint motion that follows the problem's targets inside all limits.
 
+    start: joints (n,) rad and base orientation (4,) wxyz, or None where it doesn't move, from which the first frame is solved instead of from
+    `options.starts` postures: that of a clip that goes on.
     Frames on which the QP fails hold the last good posture and are marked in `status`. Raises `SolverError` for input that is not
     finite and when the first frame can't be solved from any start, `UsageError` for a compiled kernel that is not installed.
     """
     problem.check_finite()
     solver = _frame_solver(problem, options)
     frames, n = len(problem.time), len(problem.lower)
-    start, first = best_start(solver, 0, islice(postures(problem, 0), options.starts))
+    number, first = _first_frame(solver, options, start)
     path = Path.empty(frames, len(first.q))
     path.put(0, first)
     follow = OnlineSolver(problem, options.one_step).follow if options.online else solver.follow
@@ -90,11 +98,22 @@ def solve(problem: OrientationProblem, options: DynamicalOptions, progress: Prog
         base_orientation=orientation,
         status=path.status,
         iterations=path.iterations,
-        start=start,
+        start=number,
         fallbacks=solver.qp.fallbacks,
         unconverged=int(path.unconverged.sum()),
         exchanged=exchanged,
     )
+
+
+def _first_frame(
+    solver: FrameSolver, options: DynamicalOptions, start: tuple[Array, Array | None] | None
+) -> tuple[int, Converged]:
+    """Which start it was, and the frame."""
+    problem = solver.problem
+    if start is None:
+        return best_start(solver, 0, islice(postures(problem, 0), options.starts))
+    joints = nearest_feasible(start[0], problem.lower, problem.upper, problem.coupled)
+    return 0, solver.converge(0, problem.model.configuration(joints, start[1]), problem.lower, problem.upper)
 
 
 def _frame_solver(problem: OrientationProblem, options: DynamicalOptions) -> FrameSolver:
