@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import IO, Any, BinaryIO, cast
 from urllib.parse import quote
@@ -25,6 +26,8 @@ LARGEST_UNPACKED = 256 << 20
 _LARGEST_RATIO = 200
 _BATCH = 1024
 _BLOCK = 1 << 20
+_PROFILES, _LARGEST_PROFILES, _DEEPEST_PROFILE = "offered_qos_profiles", 1 << 20, 10
+"""A publisher's profile has 600 characters, and brackets in no brackets."""
 _TABLES = ("topics", "messages", "schema", "message_definitions")
 
 
@@ -160,6 +163,22 @@ def _check_tables(path: Path, name: str) -> None:
         count, different = database.execute("SELECT count(*), count(DISTINCT id) FROM topics").fetchone()
         if different < count:
             raise FormatError(name, f"{count} topics with {different} ids", expected="an id for each")
+        _check_profiles(database, name)
+
+
+def _check_profiles(database: sqlite3.Connection, name: str) -> None:
+    """Raise `FormatError` for profiles of quality of service that no recorder writes: rosbags parses their YAML, in time that grows with the
+    square of its depth."""
+    if not database.execute("SELECT 1 FROM pragma_table_info('topics') WHERE name = ?", (_PROFILES,)).fetchone():
+        return
+    rest = _LARGEST_PROFILES
+    for (text,) in database.execute(f"SELECT {_PROFILES} FROM topics"):
+        if isinstance(text, str):
+            rest -= len(text)
+            depth = max(accumulate((c in "[{") - (c in "]}") for c in text), default=0)
+            if rest < 0 or depth > _DEEPEST_PROFILE or "- - " in text or "? ? " in text:
+                problem = f"{_PROFILES} of {len(text)} characters, {depth} deep"
+                raise FormatError(name, problem, expected="profiles as recorders write them")
 
 
 def _unbz2(data: bytes) -> bytes:

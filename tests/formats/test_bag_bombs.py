@@ -107,6 +107,25 @@ def test_a_definition_that_is_no_text_is_none(database: Path) -> None:
     assert _read(database).trackers == ("waist",)
 
 
+@pytest.mark.parametrize("text", ["[" * 300, "- " * 300, "{a: " * 300, "? " * 300, "- {history: 3}\n" * 80_000])
+def test_profiles_that_take_long_to_parse(database: Path, text: str) -> None:
+    """300 brackets take the parser 2 s."""
+    _change(database, f"UPDATE topics SET offered_qos_profiles = '{text}'")
+    with pytest.raises(FormatError, match=r"^[^\n]*offered_qos_profiles of \d+ characters[^\n]*expected profiles"):
+        _read(database)
+
+
+def test_profiles_of_many_publishers(database: Path) -> None:
+    time = "{sec: 9223372036, nsec: 854775807}"
+    one = (
+        "- history: 3\n  depth: 0\n  reliability: 1\n  durability: 2\n  liveliness: 1\n  avoid_ros_namespace_conventions: false\n"
+        + "".join(f"  {key}: {time}\n" for key in ("deadline", "lifespan", "liveliness_lease_duration"))
+    )
+    before = _read(database)
+    _change(database, f"UPDATE topics SET offered_qos_profiles = '{one * 60}'")
+    assert _read(database).frames == before.frames
+
+
 def test_a_path_that_reads_like_an_address(database: Path) -> None:
     """rosbags opens databases by URI, in which these characters mean something."""
     for name in ("walk#1.db3", "walk 100%.db3", "walk?vfs=none.db3", "walk%23.db3"):
