@@ -153,7 +153,9 @@ class _Checks:
                 where, when = self.names[worst], float(measures.first_saturated_s[worst])
                 share = 100.0 * measures.joint_saturated_steps[worst] / measures.steps
                 others = int(np.count_nonzero(measures.joint_saturated_steps)) - 1
-                note = f"{share:.3g} % there, from then on" + (f"; {others} more joints" if others else "")
+                note = f"{share:.3g} % there, from then on" + (
+                    f"; {others} more joint{'s' if others > 1 else ''}" if others else ""
+                )
                 asked = float(self.asked.ratio[worst])
                 note += f"; the motion itself asks for {asked:.3g} of the limit there"
                 note += ", the rest is the controller's" if asked <= 1 else ""
