@@ -335,5 +335,6 @@ def _edge_line(edge: Edge) -> str:
     if edge.static:
         return f"{edge.label} static"
     time = np.sort(edge.times("header"))
-    rate = (len(time) - 1) / ((time[-1] - time[0]) * 1e-9) if len(time) > 1 and time[-1] > time[0] else 0.0
+    span_ns = int(time[-1]) - int(time[0]) if len(time) else 0  # 64 bits may not hold it
+    rate = (len(time) - 1) / (span_ns * 1e-9) if span_ns else 0.0
     return f"{edge.label} {len(time)} poses {rate:.4g} Hz"
