@@ -109,7 +109,7 @@ class Calibration:
         for name, shape in (("origin", (3,)), ("chest_position", (3,)), ("chest_orientation", (4,))):
             put(name, frozen_array(f"Calibration.{name}", getattr(self, name), shape))
         check_unit("Calibration.chest_orientation", self.chest_orientation, "a unit quaternion")
-        if not np.isfinite(self.heading_rad):
+        if not abs(self.heading_rad) <= LARGEST_NUMBER:
             raise InvalidDataError(f"Calibration.heading_rad: found {self.heading_rad}, expected a finite angle")
         for name, shape in (("still_orientation", (4,)), ("tracker_rotation", (4,)), ("hand_offset_m", (3,))):
             values = {
@@ -126,11 +126,10 @@ class Calibration:
         _check_keys("Calibration.windows_s", self.windows_s, POSES)
         windows = {pose: frozen_array(f"Calibration.windows_s[{pose}]", w, (2,)) for pose, w in self.windows_s.items()}
         put("windows_s", MappingProxyType({pose: (float(w[0]), float(w[1])) for pose, w in windows.items()}))
-        residuals = {residual: float(figure) for residual, figure in self.residuals.items()}
-        for residual, figure in residuals.items():
-            if not np.isfinite(figure):
+        for residual, figure in self.residuals.items():
+            if not abs(figure) <= LARGEST_NUMBER:
                 raise InvalidDataError(f"Calibration.residuals[{residual}]: found {figure}, expected a finite number")
-        put("residuals", MappingProxyType(residuals))
+        put("residuals", MappingProxyType({residual: float(figure) for residual, figure in self.residuals.items()}))
         for name in ("arms", "trackers", "input_sha256"):
             put(name, MappingProxyType(dict(getattr(self, name))))
         put("warnings", tuple(self.warnings))

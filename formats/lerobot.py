@@ -324,9 +324,13 @@ def _joint_names(
     return tuple(found)
 
 
+_LATEST_S = 1e12
+"""No recording starts later, whatever its clock counts from."""
+
+
 def _start(name: str, own: Mapping[str, Any]) -> float:
     start = own.get("start_s", 0.0)
-    if not isinstance(start, int | float) or not np.isfinite(start):
+    if isinstance(start, bool) or not isinstance(start, int | float) or not abs(start) < _LATEST_S:
         raise FormatError(name, f"start_s {start}", place=OURS, expected="a time in s")
     return float(start)
 

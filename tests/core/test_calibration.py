@@ -117,6 +117,14 @@ def test_numbers_that_are_none(operator: Calibration, constant: str) -> None:
         calibration.from_json(text)
 
 
+def test_whole_numbers_of_any_size(operator: Calibration) -> None:
+    """NumPy has no such integers."""
+    record = json.loads(operator.to_json())
+    record.update(heading_rad=10**30, residuals={"x": 10**30})
+    again = calibration.from_json(json.dumps(record))
+    assert (again.heading_rad, again.residuals["x"]) == (1e30, 1e30)
+
+
 @pytest.mark.parametrize("text", ["", "{", "walk", "[" * 100_000])
 def test_no_json(text: str) -> None:
     with pytest.raises(FormatError, match=r"not JSON|nested too deeply"):

@@ -173,6 +173,15 @@ def test_descriptions_that_are_refused(dataset: Path, changes: dict[str, Any], m
         formats.read_trajectory(dataset)
 
 
+@pytest.mark.parametrize("start", ["1" + "0" * 30, "1e13", "NaN", "true", "null", '"now"'])
+def test_starts_that_are_none(dataset: Path, start: str) -> None:
+    ours = dataset / "meta/retarget.json"
+    found = json.loads(ours.read_text())
+    ours.write_text(json.dumps({**found, "start_s": "HERE"}).replace('"HERE"', start))
+    with pytest.raises(FormatError, match=r"start_s .*expected a time in s"):
+        formats.read_trajectory(dataset)
+
+
 @pytest.mark.parametrize("file", ["meta/info.json", "meta/retarget.json", DATA])
 @pytest.mark.parametrize("content", [b"", b"[]", b"\xff\xfe\x00", b"PAR1" + bytes(40) + b"PAR1"])
 def test_damaged_files(dataset: Path, file: str, content: bytes) -> None:
