@@ -111,6 +111,7 @@ class Calibration:
         check_unit("Calibration.chest_orientation", self.chest_orientation, "a unit quaternion")
         if not abs(self.heading_rad) <= LARGEST_NUMBER:
             raise InvalidDataError(f"Calibration.heading_rad: found {self.heading_rad}, expected a finite angle")
+        put("heading_rad", float(self.heading_rad))
         for name, shape in (("still_orientation", (4,)), ("tracker_rotation", (4,)), ("hand_offset_m", (3,))):
             values = {
                 key: frozen_array(f"Calibration.{name}[{key}]", value, shape)

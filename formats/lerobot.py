@@ -331,7 +331,7 @@ _LATEST_S = 1e12
 def _start(name: str, own: Mapping[str, Any]) -> float:
     start = own.get("start_s", 0.0)
     if isinstance(start, bool) or not isinstance(start, int | float) or not abs(start) < _LATEST_S:
-        raise FormatError(name, f"start_s {start}", place=OURS, expected="a time in s")
+        raise FormatError(name, f"start_s {str(start)[:40]}", place=OURS, expected="a time in s")
     return float(start)
 
 
