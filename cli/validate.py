@@ -65,7 +65,7 @@ GAINS = ("auto", "profile", "inertia")
 @o.choice(
     "--gains",
     of=GAINS,
-    text="Gains of the torque control: the profile's, or from inertia.",
+    text="Gains of the torque control: the profile's, or from inertia; auto takes the profile's, but not what it states for standing legs.",
 )
 @click.option("--feed-forward", is_flag=True, help="Add the reference's inverse dynamics to the torque control.")
 @click.option("--self-collision", is_flag=True, help="Let links that meet push each other in the torque control.")

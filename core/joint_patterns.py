@@ -19,6 +19,7 @@ def control_patterns(profile: RobotProfile) -> Iterator[tuple[str, str]]:
     yield from ((name, "[torque.stiffness_nm_rad]") for name in torque.stiffness)
     yield from ((name, "[torque.damping_nms_rad]") for name in torque.damping)
     yield from ((name, "[torque.limit_nm]") for name in torque.torque_limit)
+    yield from ((name, "[torque] standing_joints") for name in torque.standing_joints)
 
 
 def matches(pattern: str, joints: Iterable[str]) -> bool:
@@ -36,7 +37,7 @@ def with_joint_names(profile: RobotProfile, joints: Sequence[str]) -> RobotProfi
         profile,
         hierarchy=replace(
             hierarchy,
-            joints=tuple(joint for joint in joints if any(fnmatchcase(joint, name) for name in hierarchy.joints)),
+            joints=_named(hierarchy.joints, joints),
             extra_inertia=_values(hierarchy.extra_inertia, joints),
             lower=_values(hierarchy.lower, joints),
             upper=_values(hierarchy.upper, joints),
@@ -46,8 +47,13 @@ def with_joint_names(profile: RobotProfile, joints: Sequence[str]) -> RobotProfi
             stiffness=_values(torque.stiffness, joints),
             damping=_values(torque.damping, joints),
             torque_limit=_values(torque.torque_limit, joints),
+            standing_joints=_named(torque.standing_joints, joints),
         ),
     )
+
+
+def _named(patterns: Iterable[str], joints: Sequence[str]) -> tuple[str, ...]:
+    return tuple(joint for joint in joints if any(fnmatchcase(joint, pattern) for pattern in patterns))
 
 
 def _values(table: Mapping[str, float], joints: Sequence[str]) -> dict[str, float]:

@@ -162,11 +162,15 @@ class Hierarchy:
 
 @dataclass(frozen=True)
 class TorqueControl:
-    """τ = kp (q_d - q) + kd (q̇_d - q̇) + gravity, clipped [Lim2022 sec. III-C]: joint → Nm/rad, Nms/rad, Nm; absent joints: unknown."""
+    """τ = kp (q_d - q) + kd (q̇_d - q̇) + gravity, clipped [Lim2022 sec. III-C]: joint → Nm/rad, Nms/rad, Nm; absent joints: unknown.
+
+    standing_joints: names or patterns of joints whose gains are meant for a leg that stands; one that swings rings with them.
+    """
 
     stiffness: Mapping[str, float] = field(default_factory=dict)
     damping: Mapping[str, float] = field(default_factory=dict)
     torque_limit: Mapping[str, float] = field(default_factory=dict)
+    standing_joints: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

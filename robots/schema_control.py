@@ -46,13 +46,14 @@ def parse_hierarchy(table: TableReader, links: Collection[str], arms: Mapping[st
 
 
 def parse_torque(table: TableReader) -> TorqueControl:
-    """Gains and limits in [torque]: tables joint, or pattern with *, → number. Raises `ProfileError`."""
-    table.only(["stiffness_nm_rad", "damping_nms_rad", "limit_nm"])
+    """Gains and limits in [torque]: tables joint, or pattern with *, → number; and a list of joints. Raises `ProfileError`."""
+    table.only(["stiffness_nm_rad", "damping_nms_rad", "limit_nm", "standing_joints"])
     stiffness, damping, limit = (table.table(key) for key in ("stiffness_nm_rad", "damping_nms_rad", "limit_nm"))
     return TorqueControl(
         stiffness={joint: stiffness.not_negative(joint) for joint in stiffness.table_},
         damping={joint: damping.not_negative(joint) for joint in damping.table_},
         torque_limit={joint: limit.required_positive(joint) for joint in limit.table_},
+        standing_joints=tuple(table.texts("standing_joints")),
     )
 
 

@@ -76,7 +76,7 @@ def replay(
         if log is not None:
             log(signals)
     asked = ReferenceTorque.of(reference, model)
-    checks = _Checks(model, thresholds, measures, reference, asked)
+    checks = _Checks(model, thresholds, measures, reference, asked, chosen)
     return ValidationReport(
         trajectory.robot or model.robot.profile.name,
         tuple(checks.all()),
@@ -96,10 +96,12 @@ class _Checks:
         measures: FixedMeasures,
         reference: Reference,
         asked: ReferenceTorque,
+        chosen: Gains,
     ) -> None:
         self.names = model.robot.joint_names
         self.turning = _turning(model)
         self.check, self.measures, self.reference, self.asked = thresholds.check, measures, reference, asked
+        self.damping_ratio = chosen.damping_ratio
 
     def all(self) -> Iterator[Check]:
         yield self.completed()
@@ -158,7 +160,8 @@ class _Checks:
                 )
                 asked = float(self.asked.ratio[worst])
                 note += f"; the motion itself asks for {asked:.3g} of the limit there"
-                note += ", the rest is the controller's" if asked <= 1 else ""
+                if asked <= 1:
+                    note += f", the rest is the controller's, whose gains damp it at {self.damping_ratio[worst]:.2g} of critical"
             yield self.check("torque_saturation_percent", percent, note, where=where, time_s=when)
             at = int(measures.torque_ratio.argmax())
             yield self.check(
@@ -244,6 +247,7 @@ def _facts(
             "saturated_percent": 100.0 * float(measures.joint_saturated_steps[i]) / max(measures.steps, 1),
             "stiffness_nm_rad": float(chosen.stiffness[i]),
             "damping_nms_rad": float(chosen.damping[i]),
+            "damping_ratio": float(ratio) if np.isfinite(ratio := chosen.damping_ratio[i]) else None,
             "gains_from": "profile" if name in chosen.from_profile else "inertia",
         }
     base = "held upright"

@@ -19,11 +19,20 @@ NATURAL_FREQUENCY_RAD_S = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """stiffness: (n,) Nm/rad (N/m for sliding joints). damping: (n,) Nm s/rad. from_profile: the joints whose gains the profile states."""
+    """stiffness: (n,) Nm/rad (N/m for sliding joints). damping: (n,) Nm s/rad. from_profile: the joints whose gains the profile states.
+
+    inertia: (n,) kg m² (kg for sliding joints), `joint_inertia`.
+    """
 
     stiffness: Array
     damping: Array
+    inertia: Array
     from_profile: tuple[str, ...] = ()
+
+    @property
+    def damping_ratio(self) -> Array:
+        """(n,) of critical, of every joint moving by itself: below about a half it rings."""
+        return np.asarray(self.damping / (2 * np.sqrt(self.stiffness * self.inertia)))
 
 
 def gains(replay: ReplayModel, source: GainSource = "auto", frequency: float = NATURAL_FREQUENCY_RAD_S) -> Gains:
@@ -31,7 +40,7 @@ def gains(replay: ReplayModel, source: GainSource = "auto", frequency: float = N
 
     source "profile": what the profile's [torque] states; raises `UsageError` when a joint lacks there. "inertia": I ω² and 2 I ω, ω = `frequency`
     rad/s, where I is `joint_inertia`.
-    "auto": the profile's where it states both of a joint's gains, else from inertia.
+    "auto": the profile's where it states both of a joint's gains, except of `standing_joints`, whose legs swing here; else from inertia.
     """
     if source not in GAIN_SOURCES:
         raise UnknownNameError("source of gains", source, GAIN_SOURCES)
@@ -40,7 +49,7 @@ def gains(replay: ReplayModel, source: GainSource = "auto", frequency: float = N
     inertia = joint_inertia(replay)
     stiffness, damping = inertia * frequency**2, 2 * inertia * frequency
     if source == "inertia":
-        return Gains(stiffness, damping)
+        return Gains(stiffness, damping, inertia)
     torque, names = replay.robot.profile.torque, replay.robot.joint_names
     stated = tuple(name for name in names if name in torque.stiffness and name in torque.damping)
     lacking = [name for name in names if name not in stated]
@@ -49,10 +58,12 @@ def gains(replay: ReplayModel, source: GainSource = "auto", frequency: float = N
             f"robot '{replay.robot.profile.name}' states no stiffness and damping of joint '{lacking[0]}' "
             f"({len(lacking)} of {len(names)} joints); expected [torque] to name every joint, or gains from inertia"
         )
+    if source == "auto":
+        stated = tuple(name for name in stated if name not in torque.standing_joints)
     for name in stated:
         i = names.index(name)
         stiffness[i], damping[i] = torque.stiffness[name], torque.damping[name]
-    return Gains(stiffness, damping, stated)
+    return Gains(stiffness, damping, inertia, stated)
 
 
 def joint_inertia(replay: ReplayModel) -> Array:

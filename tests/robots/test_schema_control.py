@@ -75,6 +75,8 @@ kind = "axis"
 link = "head_link"
 gain_1_s = 60
 
+[torque]
+standing_joints = ["left_knee_joint", "*_hip_yaw_joint"]
 [torque.stiffness_nm_rad]
 "*" = 100
 left_knee_joint = 300
@@ -122,6 +124,7 @@ def test_patterns_become_joint_names_and_the_last_match_wins(tmp_path: Path) -> 
     assert set(torque.stiffness) == set(model.joint_names)
     assert {joint for joint, value in torque.stiffness.items() if value != 100.0} == {"left_knee_joint"}
     assert torque.damping == {"left_knee_joint": 5.0}
+    assert torque.standing_joints == ("left_hip_yaw_joint", "left_knee_joint", "right_hip_yaw_joint")
     assert len(torque.torque_limit) == 13
     assert set(torque.torque_limit.values()) == {50.0}
 
@@ -270,6 +273,7 @@ def test_an_arm_must_be_whole(tmp_path: Path) -> None:
         ),
         ("[torque.limit_nm]\n'*_finger' = 1\n", "[torque.limit_nm]: the model has no joint '*_finger'"),
         ("[torque.damping_nms_rad]\nleft_knee = 1\n", "[torque.damping_nms_rad]: the model has no joint 'left_knee'; expected did"),
+        ("[torque]\nstanding_joints = ['left_knee']\n", "[torque] standing_joints: the model has no joint 'left_knee'"),
         ("[torque.stiffness_nm_rad]\nleft_knee = 1\n", "[torque.stiffness_nm_rad]: the model has no joint 'left_knee'"),
     ],
 )  # fmt: skip

@@ -88,24 +88,41 @@ def test_baxters_shoulder_is_asked_for_more_than_it_has(report_of: Callable[...,
     assert check.where.endswith("_s1")
 
 
-def test_what_tocabis_own_gains_saturate_its_motors_can_do(report_of: Callable[..., ValidationReport]) -> None:
-    """The authors' gains damp a leg that swings in the air at a fifth of critical: it rings against its limit."""
-    own, fed = report_of("tocabi", "walk"), report_of("tocabi", "walk", FixedOptions(feed_forward=True))
+def test_what_tocabis_standing_gains_saturate_its_motors_can_do(report_of: Callable[..., ValidationReport]) -> None:
+    """The authors' gains for standing legs damp one that swings in the air at a fifth of critical: it rings against its limit."""
+    own = report_of("tocabi", "walk", FixedOptions(gains="profile"))
+    fed = report_of("tocabi", "walk", FixedOptions(gains="profile", feed_forward=True))
     saturated, asked = own.check("torque_saturation_percent"), own.check("reference_torque_ratio_max")
     assert saturated.where.endswith("_HipPitch_Joint")
-    assert saturated.note.endswith("of the limit there, the rest is the controller's")
+    assert saturated.note.endswith("the rest is the controller's, whose gains damp it at 0.22 of critical")
     assert asked.value is not None
     assert 0.6 < asked.value < 0.9
     assert fed.check("torque_saturation_percent").value == 0
     assert fed.check("reference_torque_ratio_max").value == asked.value
 
 
-def test_tocabi_has_its_authors_gains_and_follows(report_of: Callable[..., ValidationReport]) -> None:
-    report = report_of("tocabi", "reach")
+@pytest.mark.parametrize("sample", ["walk", "reach"])
+def test_tocabi_follows_by_its_authors_gains_and_swings_its_legs_by_others(
+    report_of: Callable[..., ValidationReport], sample: str
+) -> None:
+    report = report_of("tocabi", sample)
     joints = report.facts["joints"]
-    assert {joint["gains_from"] for joint in joints.values()} == {"profile"}
+    legs = {name for name in joints if any(part in name for part in ("Hip", "Knee", "Ankle"))}
+    assert len(legs) == 12
+    assert {name for name, joint in joints.items() if joint["gains_from"] == "inertia"} == legs
     elbow = joints["L_Elbow_Joint"]
     assert (elbow["stiffness_nm_rad"], elbow["damping_nms_rad"], elbow["torque_limit_nm"]) == (125.0, 2.5, 23.0)
+    assert joints["L_HipPitch_Joint"]["damping_ratio"] == pytest.approx(1)
+    assert report.check("torque_saturation_percent").value == 0
+    assert report.passed
+
+
+def test_tocabi_has_its_authors_gains_throughout_on_request(report_of: Callable[..., ValidationReport]) -> None:
+    report = report_of("tocabi", "reach", FixedOptions(gains="profile"))
+    joints = report.facts["joints"]
+    assert {joint["gains_from"] for joint in joints.values()} == {"profile"}
+    knee = joints["R_Knee_Joint"]
+    assert (knee["stiffness_nm_rad"], knee["damping_nms_rad"]) == (4500.0, 70.0)
     assert report.passed
 
 
