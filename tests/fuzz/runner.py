@@ -18,7 +18,7 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
@@ -98,31 +98,42 @@ def _run_worker(target: Target, outcome: Outcome, at: int, end: int, until: floa
     outcome.inputs += done - at
     if worker.exitcode == 0:
         return done
-    kind = {
-        -signal.SIGPROF: f"no answer after {HANG_S:g} s of processor time",
-        _TOO_MUCH: f"more than {MEMORY_BYTES >> 20} MB of memory",
-    }.get(worker.exitcode or 0, f"the process ended with {worker.exitcode}")
-    if worker.exitcode != _TOO_MUCH or not any(finding.kind == kind for finding in outcome.findings):
+    kind = ended(worker.exitcode or 0)
+    if worker.exitcode != TOO_MUCH or not any(finding.kind == kind for finding in outcome.findings):
         outcome.findings.append(Finding(done, kind))
     outcome.inputs += 1
     return done + 1
 
 
-_TOO_MUCH = 77
+TOO_MUCH = 77
+"""Exit code of a process that took more memory than an input may."""
 
 
-def _work(name: str, at: int, end: int, until: float, folder: str, place: Any, pipe: Connection) -> None:
+def ended(exitcode: int) -> str:
+    """Why a process that reads inputs ended, from its exit code, which is not 0."""
+    return {
+        -signal.SIGPROF: f"no answer after {HANG_S:g} s of processor time",
+        TOO_MUCH: f"more than {MEMORY_BYTES >> 20} MB of memory",
+    }.get(exitcode, f"the process ended with {exitcode}")
+
+
+def prepare(target: Target, folder: str) -> Callable[[], bool]:
+    """Make this process one that reads inputs of `target`, its files in `folder`; → whether it has since taken too much memory."""
     tempfile.tempdir = folder
     faulthandler.disable()
     signal.signal(signal.SIGPROF, signal.SIG_DFL)  # ends the process, in whatever library it hangs
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    target = TARGETS[name]
-    seeds = list(target.seeds())
-    _read(target, seeds[0])  # what is imported and cached on first use doesn't count
+    _read(target, next(iter(target.seeds())))  # what is imported and cached on first use doesn't count
     gc.collect()
-    usual = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    size = _virtual_bytes()
-    resource.setrlimit(resource.RLIMIT_AS, (size + 4 * MEMORY_BYTES, resource.RLIM_INFINITY))
+    usual = peak_bytes()
+    resource.setrlimit(resource.RLIMIT_AS, (_pages(0) + 4 * MEMORY_BYTES, resource.RLIM_INFINITY))
+    return lambda: peak_bytes() > usual + MEMORY_BYTES
+
+
+def _work(name: str, at: int, end: int, until: float, folder: str, place: Any, pipe: Connection) -> None:
+    target = TARGETS[name]
+    took_too_much = prepare(target, folder)
+    seeds = list(target.seeds())
     slowest = 0.0
     for index in range(at, end):
         place[0] = index
@@ -131,20 +142,21 @@ def _work(name: str, at: int, end: int, until: float, folder: str, place: Any, p
         data = mutated(target, seeds, index)
         signal.setitimer(signal.ITIMER_PROF, HANG_S)
         before = time.process_time()
-        finding = _judge(target, data, index, place)
+        finding = judge(target, data, index, place)
         slowest = max(slowest, time.process_time() - before)
         signal.setitimer(signal.ITIMER_PROF, 0)
         if finding:
             pipe.send(finding)
-        if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 > usual + MEMORY_BYTES:
+        if took_too_much():
             pipe.send(slowest)
-            os._exit(_TOO_MUCH)
+            os._exit(TOO_MUCH)
     else:
         place[0] = end
     pipe.send(slowest)
 
 
-def _judge(target: Target, data: bytes, index: int, place: Any) -> Finding | None:
+def judge(target: Target, data: bytes, index: int, place: Any) -> Finding | None:
+    """What `data`, input `index`, breaks in its reader; where it gives something, place[1] is counted up."""
     try:
         problem = _read(target, data)
     except BaseException as error:
@@ -177,9 +189,19 @@ def _read(target: Target, data: bytes) -> str | None:
     return None
 
 
-def _virtual_bytes() -> int:
+def peak_bytes() -> int:
+    """The most memory that this process ever had."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def resident_bytes() -> int:
+    """Memory that this process has now."""
+    return _pages(1)
+
+
+def _pages(column: int) -> int:
     with open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123 - not a file to handle as a path
-        return int(file.read().split()[0]) * resource.getpagesize()
+        return int(file.read().split()[column]) * resource.getpagesize()
 
 
 def minimal_report(outcome: Outcome) -> Iterator[str]:
