@@ -124,9 +124,11 @@ def _work(name: str, folder: Path, seconds: float, faults: int, counts: Any, pip
     def mutate(data: bytes, most: int, seed: int) -> bytes:
         """This package's own mutations, which know numbers, words and containers, and now and then libFuzzer's."""
         rng = random.Random(seed)
-        if rng.random() < 0.25:
-            return bytes(atheris.Mutate(data, most))
-        return rng.choice(target.mutations)(rng, data)[:most]
+        if rng.random() < 0.75:
+            # What was mutated before may be no container any more, in which its contents could be mutated.
+            with contextlib.suppress(Exception):
+                return rng.choice(target.mutations)(rng, data)[:most]
+        return bytes(atheris.Mutate(data, most))
 
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     arguments = [
