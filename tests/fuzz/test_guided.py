@@ -49,10 +49,10 @@ def test_a_fault_behind_four_branches_is_found(fault: str, kind: str, tmp_path: 
     assert kind in found.with_suffix(".txt").read_text(encoding="utf-8")
 
 
-def test_a_reader_is_read(tmp_path: Path) -> None:
-    done = run(
-        "-m", "tests.fuzz.guided", "--reader", "thresholds", "--seconds", "2", "--findings", str(tmp_path / "none")
-    )
+@pytest.mark.parametrize("reader", ["thresholds", "mcap"])
+def test_a_reader_is_read(reader: str, tmp_path: Path) -> None:
+    folder = tmp_path / "none"
+    done = run("-m", "tests.fuzz.guided", "--reader", reader, "--seconds", "3", "--findings", str(folder))
     assert done.returncode == 0, done.stderr
     assert int(done.stdout.split()[1].replace(",", "")) > 10
-    assert not (tmp_path / "none").exists()
+    assert not folder.exists()
