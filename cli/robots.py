@@ -99,7 +99,7 @@ def _print_report(report: ValidationReport, as_json: bool, console: Console) -> 
         return
     failed = [check for check in report.checks if check.passed is False]
     click.echo(f"{report.subject}: {len(report.checks)} checks, {len(failed)} failed")
-    for entry in report.checks if console.verbose else failed:
+    for entry in report.checks if console.verbose else [check for check in report.checks if not check.passed]:
         verdict = {True: "ok", False: "FAILED", None: "not made"}[entry.passed]
         value = "–" if entry.value is None else f"{entry.value:.4g}"
         limit = "" if entry.limit is None else f" (limit {entry.limit:g})"
