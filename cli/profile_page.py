@@ -20,7 +20,14 @@ every command takes `--robot ./mine.toml`. All [packaged robots](robots.md) are 
 
 ## Your own robot, step by step
 
-The example is Aldebaran's Romeo, whose URDF comes with `example-robot-data`, which `retarget` has installed anyway.
+```bash
+retarget robots new my_robot.urdf -o mine.toml      # or .xml, MJCF: guesses links, T-pose, base and fingers, and checks them
+retarget robots check ./mine.toml
+retarget convert walk.mvnx --robot ./mine.toml
+```
+
+`robots new` needs names that tell left from right. Every guess is marked in the file; feet and hands are left to you. What follows is the same by hand, with what to do about checks that
+fail. The example is Aldebaran's Romeo, whose URDF comes with `example-robot-data`, which `retarget` has installed anyway.
 
 **1. The smallest profile** says where the model is and maps links. Save as `romeo.toml`:
 

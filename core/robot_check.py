@@ -77,6 +77,13 @@ def tpose(model: RobotModel) -> HumanMotion:
     )
 
 
+def solved_tpose(model: RobotModel) -> tuple[Array, dict[str, float]]:
+    """Joints (n,) rad of the T-pose that the solver finds, and segment → error that is left there, in degrees. Raises `SolverError`."""
+    motion = tpose(model)
+    targets, joints, base = _solved(model, motion)
+    return joints, tpose_errors(model, motion, targets, joints, base)
+
+
 def _solved(model: RobotModel, motion: HumanMotion) -> tuple[Targets, Array, Array | None]:
     """Targets, joints (n,) rad and base orientation (4,) wxyz or None of the last frame."""
     from retarget.core.mapping import limb_plane
