@@ -30,6 +30,7 @@ LONGEST_ARM = 8
 UPRIGHT_TOLERANCE_RAD = 0.35
 """How far what legs and hips tell of up and left may be from the root link's own axes, to be taken for these."""
 LEAST_ANGLE_RAD = 0.02
+NO_LENGTH_M = 1e-6
 TRUNK_WEIGHT = 10.0
 MARKER_SHARE = 0.01
 """Of the mass of the heaviest link at a joint: lighter ones are frames with a token mass."""
@@ -253,8 +254,10 @@ def _upright(model: RobotModel, limbs: Mapping[tuple[str, str], _Limb]) -> tuple
     left, right = (limbs[side, "Leg"].chain for side in SIDES)
     hips = [origins[left[0]], origins[right[0]]]
     up = np.mean(hips, axis=0) - np.mean([centres[left[-1]], centres[right[-1]]], axis=0)
-    up, across = up / np.linalg.norm(up), hips[0] - hips[1]
+    up, across = up / max(float(np.linalg.norm(up)), NO_LENGTH_M), hips[0] - hips[1]
     across = across - (across @ up) * up
+    if not np.linalg.norm(across) > NO_LENGTH_M:  # hips in one place, or legs of no length: nothing to tell by
+        return (0.0, 0.0, 0.0)
     across /= np.linalg.norm(across)
     stands = np.stack([np.cross(across, up), across, up])  # rows: world axes in the root link's frame
     square = np.round(stands)
