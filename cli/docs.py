@@ -1,7 +1,7 @@
 """Writes the generated part of the documentation: `python -m retarget.cli.docs docs` for a folder, `--picture` for README's picture.
 
-Commands are described by their own options, formats and mappings by their own docstrings, robots by their own profiles: nothing is
-said twice. A test compares the committed files with what this gives.
+Commands are described by their own options, formats and mappings by their own docstrings, robots by their own profiles, a profile's keys by
+the parser's own list: nothing is said twice. A test compares the committed files with what this gives.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path
 
 import click
 from retarget.cli.main import COMMANDS, cli
+from retarget.cli.profile_page import profiles_page
 
 NOTE = "<!-- Written by `python -m retarget.cli.docs docs`; changes here are lost. -->\n"
 
@@ -74,7 +75,8 @@ def robots_page() -> str:
                 f"\n{segment} stays {exception.error_deg:g}° from the T-pose: joint `{exception.joint}` can't turn further."
             )
         parts.append("")
-    return "\n".join([NOTE, "# Robots\n", head, *rows, "", *parts])
+    own = "A robot of your own: [profiles](profiles.md).\n"
+    return "\n".join([NOTE, "# Robots\n", own, head, *rows, "", *parts])
 
 
 def mappings_page() -> str:
@@ -95,6 +97,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "cli.md": command_line,
     "formats.md": formats_page,
     "mappings.md": mappings_page,
+    "profiles.md": profiles_page,
     "robots.md": robots_page,
 }
 

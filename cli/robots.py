@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,6 +82,58 @@ def check(console: Console, names: tuple[str, ...], every: bool, as_json: bool) 
         leave(3)
 
 
+@robots.command()
+@click.argument("model", type=click.Path(path_type=Path), metavar="MODEL.urdf|MODEL.xml")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="FILE.toml",
+    help="The profile to write. Default: MODEL.toml here.",
+)
+@click.option("--force", is_flag=True, help="Replace a profile that exists.")
+@o.speech
+@click.pass_obj
+def new(console: Console, model: Path, output: Path | None, force: bool) -> None:
+    """Write a first profile for the robot in MODEL, a URDF or MJCF, and check it.
+
+    Links, T-pose, base and fingers are guessed from the tree of joints, their axes and their names; every guess is marked as one in the file.
+    docs/profiles.md tells what to do next. What the check finds is printed; it does not change the exit code.
+    """
+    from retarget import robots as profiles
+    from retarget.core.profile import ModelSource, RobotProfile
+    from retarget.core.profile_guess import guess
+    from retarget.robots.profile_text import profile_text
+
+    path = output or Path(f"{model.stem}.toml")
+    if path.suffix != ".toml":
+        raise UsageError(f"{path}: a profile's name ends in .toml")
+    if path.exists() and not force:
+        raise UsageError(f"{path} exists; --force replaces it")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path.parent}: no such folder")
+    source = RobotProfile(
+        path.stem,
+        f"{path.stem}, guessed from {model.name}",
+        ModelSource("file", str(model.resolve())),
+        "floating",
+        {},
+        origin=str(model),
+    )
+    found = guess(source)
+    text = profile_text(found.profile, found.joints, os.path.relpath(model.resolve(), path.resolve().parent))
+    path.write_text(text, encoding="utf-8")
+    console.note(
+        f"{path}: {len(found.profile.links)} links guessed; go through it, then: retarget robots check {_as_argument(path)}"
+    )
+    _print_report(_check(profiles.load(_as_argument(path))), as_json=False, console=console)
+
+
+def _as_argument(path: Path) -> str:
+    """`path` as it has to be written to be taken for a profile of one's own."""
+    return str(path) if path.parent.name or path.is_absolute() else f"./{path}"
+
+
 def _check(profile: RobotProfile) -> ValidationReport:
     from retarget.core import robot_check
 
@@ -99,7 +152,7 @@ def _print_report(report: ValidationReport, as_json: bool, console: Console) -> 
         return
     failed = [check for check in report.checks if check.passed is False]
     click.echo(f"{report.subject}: {len(report.checks)} checks, {len(failed)} failed")
-    for entry in report.checks if console.verbose else failed:
+    for entry in report.checks if console.verbose else [check for check in report.checks if not check.passed]:
         verdict = {True: "ok", False: "FAILED", None: "not made"}[entry.passed]
         value = "–" if entry.value is None else f"{entry.value:.4g}"
         limit = "" if entry.limit is None else f" (limit {entry.limit:g})"

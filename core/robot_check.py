@@ -7,6 +7,8 @@ the two bones of a limb stand at different angles to their hinge and can never b
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from retarget.core import rotations
 from retarget.core.errors import ProfileError
@@ -31,14 +33,24 @@ FASTEST_JOINT_RAD_S = 60.0
 """No humanoid's joint is faster: a higher figure is a placeholder that nobody replaced."""
 AT_LIMIT_RAD = 1e-4
 LIMB_BONES = (("UpperArm", "ForeArm"), ("UpperLeg", "LowerLeg"))
+BODY = (
+    "Pelvis", "T8", "Head",
+    *(f"{side}{part}" for side in ("Left", "Right") for part in ("UpperArm", "ForeArm", "Hand", "UpperLeg", "LowerLeg", "Foot")),
+)  # fmt: skip
+"""The segments that a whole humanoid has links for; the others are spread over the spine, or are collarbones and toes."""
 FRAMES = 3
 
 
 def check(model: RobotModel) -> ValidationReport:
     """The report on `model` and its profile. Links and joints that do not exist never get here: building the model raises for these.
 
-    series["tpose_rad"]: (n,) the solved T-pose. Raises `SolverError` when no T-pose can be solved at all.
+    series["tpose_rad"]: (n,) the solved T-pose. Raises `ProfileError` when the profile maps no link, `SolverError` when no T-pose can be solved at all.
     """
+    if not model.links:
+        raise ProfileError(
+            model.profile.origin or model.profile.name, "no segment has a link", place="[links]",
+            expected="the links that follow the person, at least of the arms or the legs",
+        )  # fmt: skip
     motion = tpose(model)
     targets, joints, base = _solved(model, motion)
     checks = [*_model_checks(model), *_reference_checks(model)]
@@ -65,6 +77,13 @@ def tpose(model: RobotModel) -> HumanMotion:
     )
 
 
+def solved_tpose(model: RobotModel) -> tuple[Array, dict[str, float]]:
+    """Joints (n,) rad of the T-pose that the solver finds, and segment → error that is left there, in degrees. Raises `SolverError`."""
+    motion = tpose(model)
+    targets, joints, base = _solved(model, motion)
+    return joints, tpose_errors(model, motion, targets, joints, base)
+
+
 def _solved(model: RobotModel, motion: HumanMotion) -> tuple[Targets, Array, Array | None]:
     """Targets, joints (n,) rad and base orientation (4,) wxyz or None of the last frame."""
     from retarget.core.mapping import limb_plane
@@ -81,12 +100,14 @@ def _solved(model: RobotModel, motion: HumanMotion) -> tuple[Targets, Array, Arr
 
 def _model_checks(model: RobotModel) -> list[Check]:
     span, speed = model.upper - model.lower, model.velocity_limit
+    absent = [segment for segment in BODY if segment not in model.links]
     narrowest, fastest = int(np.argmin(span)), int(np.argmax(speed))
     return [
         _above("degrees of freedom", float(len(model.joint_names)), "", 0.0),
         _above("mass", model.mass_kg, "kg", 0.0),
         _above("smallest joint range", float(span[narrowest]), "rad", 0.0, model.joint_names[narrowest]),
         _below("largest joint speed", float(speed[fastest]), "rad/s", FASTEST_JOINT_RAD_S, model.joint_names[fastest]),
+        Check("segments without a link", float(len(absent)), "", None, True, ", ".join(absent)),
     ]
 
 
@@ -119,14 +140,14 @@ def _tpose_checks(
 ) -> list[Check]:
     errors = tpose_errors(model, motion, targets, joints, base)
     exceptions, held = _exceptions(model, errors), _skewed(model) | _held(model, joints)
+    failing = [segment for segment in errors if errors[segment] > _limit(model, segment)]
     checks = []
     for segment, error in errors.items():
         name = f"T-pose {segment} {'direction' if segment in model.limbs else 'orientation'}"
         if segment not in exceptions:
-            limit = LIMB_LIMIT_DEG if segment in model.limbs else ORIENTATION_LIMIT_DEG
-            checks.append(
-                _below(name, error, "deg", limit, "; ".join(dict.fromkeys(held.values())) if error > limit else "")
-            )
+            limit = _limit(model, segment)
+            note = _reason(segment, error, _in_the_way(model, segment, failing, held)) if error > limit else ""
+            checks.append(_below(name, error, "deg", limit, note))
             continue
         stated = exceptions[segment]
         forbids = held.get(stated.joint, "") if stated.joint else "; ".join(dict.fromkeys(held.values()))
@@ -136,6 +157,41 @@ def _tpose_checks(
     if not model.limbs:
         checks.append(Check("T-pose directions", None, "deg", LIMB_LIMIT_DEG, None, "the profile maps no whole limb"))
     return checks
+
+
+def _limit(model: RobotModel, segment: str) -> float:
+    return LIMB_LIMIT_DEG if segment in model.limbs else ORIENTATION_LIMIT_DEG
+
+
+def _held_before(model: RobotModel, segment: str, held: Mapping[str, str]) -> list[str]:
+    """The joints of `held` that move the segment's link against the base, nearest first."""
+    joint, _, _ = model.link_in_joint(model.links[segment])
+    names = []
+    while joint > model.base_is_floating:
+        names.append(str(model.pin_model.names[joint]))
+        joint = int(model.pin_model.parents[joint])
+    return [name for name in names if name in held]
+
+
+def _in_the_way(model: RobotModel, segment: str, failing: list[str], held: dict[str, str]) -> dict[str, str]:
+    """Of the joints of `held` those likely to keep `segment` from the T-pose, likeliest first.
+
+    Those that move its link; where they are all free it gave way to others that fail: to its own side's, then to any.
+    """
+    side = next((side for side in ("Left", "Right") if segment.startswith(side)), "")
+    groups = ([segment], [other for other in failing if side and other.startswith(side)], failing)
+    for group in groups:
+        if found := [name for other in group for name in _held_before(model, other, held)]:
+            return {name: held[name] for name in found}
+    return held
+
+
+def _reason(segment: str, error: float, held: Mapping[str, str]) -> str:
+    """What may keep `segment` from the T-pose, and the line that states it. held: joint → what holds it, likeliest first."""
+    if not held:
+        return "no joint is at its limit: are the link, reference_posture_rad and base_rpy_rad right?"
+    line = f'{segment} = {{ joint = "{next(iter(held))}", error_deg = {error:.2f} }}'
+    return f"{'; '.join(dict.fromkeys(held.values()))}; if it has to be so, under [tpose_exceptions]: {line}"
 
 
 def tpose_errors(
@@ -250,7 +306,13 @@ def _symmetry_checks(model: RobotModel, joints: Array, base: Array | None) -> li
         # A robot with wide ranges can reach the T-pose with its arms crossed: only where they start tells left from right.
         rotation, origin = link_poses(model, [left.link, right.link], joints[None], turn)
         starts = [rotation[0, i] @ limb.proximal + origin[0, i] for i, limb in enumerate((left, right))]
-        checks.append(_above(f"{part} left of the right one", 1000 * float(starts[0][1] - starts[1][1]), "mm", 0.0))
+        apart = 1000 * float(starts[0][1] - starts[1][1])
+        hint = (
+            ""
+            if apart > 0
+            else "links of left and right exchanged, or base_rpy_rad is not how it stands upright facing +X"
+        )
+        checks.append(_above(f"{part} left of the right one", apart, "mm", 0.0, hint))
     return checks
 
 

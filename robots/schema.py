@@ -20,6 +20,7 @@ from retarget.core.profile import (
     TposeException,
 )
 from retarget.core.segments import SEGMENTS
+from retarget.robots import profile_keys as keys
 from retarget.robots.schema_control import parse_arms, parse_hierarchy, parse_torque
 from retarget.robots.toml_table import Table, TableReader
 
@@ -27,30 +28,11 @@ from retarget.robots.toml_table import Table, TableReader
 def parse_profile(table: Table, path: Path) -> RobotProfile:
     """The checked profile in `table`, read from `path` (named in errors). Raises `ProfileError`."""
     top = TableReader(path, "", table)
-    top.only(
-        [
-            "name",
-            "description",
-            "model",
-            "links",
-            "limb_ends",
-            "reference_posture_rad",
-            "solver",
-            "limits",
-            "coupled",
-            "hands",
-            "feet",
-            "tpose_exceptions",
-            "mapping",
-            "arms",
-            "hierarchy",
-            "torque",
-        ]
-    )
+    top.only(keys.TOP)
     model = top.table("model", required=True)
-    model.only(["package", "path", "file", "human", "base", "base_segment", "base_rpy_rad", "locked_joints"])
+    model.only(keys.MODEL)
     links = top.table("links")
-    links.only(SEGMENTS)
+    links.only(keys.LINKS)
     base = model.text("base", "floating")
     if base not in ("floating", "fixed"):
         model.fail("base", base, "'floating' or 'fixed'")
@@ -59,9 +41,9 @@ def parse_profile(table: Table, path: Path) -> RobotProfile:
         model.fail("base_segment", base_segment, "a canonical segment name")
     arms = parse_arms(top.table("arms"))
     limits = top.table("limits")
-    limits.only(["default_velocity_rad_s", "joints"])
+    limits.only(keys.LIMITS)
     solver = top.table("solver")
-    solver.only(["posture_weight"])
+    solver.only(keys.SOLVER)
     return RobotProfile(
         name=top.text("name", path.stem),
         description=top.text("description", ""),
@@ -71,7 +53,7 @@ def parse_profile(table: Table, path: Path) -> RobotProfile:
         base_segment=base_segment,
         base_rpy=model.triple("base_rpy_rad", (0.0, 0.0, 0.0)),
         links={key: links.text(key) for key in links.table_},
-        limb_ends=top.table("limb_ends").texts_by(SEGMENTS),
+        limb_ends=top.table("limb_ends").texts_by(keys.LIMB_ENDS),
         reference_posture={
             k: top.table("reference_posture_rad").number(k) for k in top.table("reference_posture_rad").table_
         },
@@ -104,7 +86,7 @@ def _model_source(model: TableReader) -> ModelSource:
 
 
 def _hand(table: TableReader) -> Hand:
-    table.only(["link", "fingers", "palm"])
+    table.only(keys.HAND)
     hand = Hand(table.text("link"), table.unit("fingers"), table.unit("palm"))
     if abs(float(np.dot(hand.fingers, hand.palm))) > 1e-3:
         table.fail("palm", hand.palm, "a direction perpendicular to fingers")
@@ -112,7 +94,7 @@ def _hand(table: TableReader) -> Hand:
 
 
 def _foot(table: TableReader) -> Foot:
-    table.only(["link", "sole_m"])
+    table.only(keys.FOOT)
     sole = table.matrix("sole_m", 3)
     if len(sole) < 3:
         table.fail("sole_m", sole.tolist(), "at least three corners")
@@ -123,7 +105,7 @@ def _joint_limits(table: TableReader) -> dict[str, JointLimit]:
     limits = {}
     for joint in table.table_:
         entry = table.table(joint)
-        entry.only(["lower_rad", "upper_rad", "velocity_rad_s"])
+        entry.only(keys.JOINT_LIMITS)
         limits[joint] = JointLimit(
             entry.optional("lower_rad"), entry.optional("upper_rad"), entry.positive("velocity_rad_s")
         )
@@ -131,7 +113,7 @@ def _joint_limits(table: TableReader) -> dict[str, JointLimit]:
 
 
 def _coupled(table: TableReader) -> CoupledJoints:
-    table.only(["joints", "rows", "lower_rad", "upper_rad"])
+    table.only(keys.COUPLED)
     joints = tuple(table.texts("joints"))
     rows = table.matrix("rows", len(joints))
     lower = np.array(table.numbers("lower_rad", len(rows)))
@@ -142,11 +124,11 @@ def _coupled(table: TableReader) -> CoupledJoints:
 
 
 def _tpose_exceptions(table: TableReader) -> dict[str, TposeException]:
-    table.only(SEGMENTS)
+    table.only(keys.TPOSE_EXCEPTIONS)
     found = {}
     for segment in table.table_:
         entry = table.table(segment)
-        entry.only(["joint", "error_deg"])
+        entry.only(keys.TPOSE_EXCEPTION)
         found[segment] = TposeException(entry.text("joint"), entry.number("error_deg"))
     return found
 
@@ -155,10 +137,10 @@ def _mappings(table: TableReader) -> dict[str, MappingParameters]:
     found = {}
     for name in table.table_:
         entry = table.table(name)
-        entry.only(["weights", "twist_weights", "rotations_rpy_rad", "links"])
+        entry.only(keys.MAPPING)
         weights, twist, rpy = (entry.table(k) for k in ("weights", "twist_weights", "rotations_rpy_rad"))
         for part in (weights, twist, rpy):
-            part.only(SEGMENTS)
+            part.only(keys.LINKS)
         found[name] = MappingParameters(
             weights={k: weights.not_negative(k) for k in weights.table_},
             twist_weights={k: twist.not_negative(k) for k in twist.table_},

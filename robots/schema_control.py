@@ -7,6 +7,7 @@ from typing import Literal, cast
 
 from retarget.core.profile import Arm, Hierarchy, Level, LevelTask, TorqueControl
 from retarget.core.segments import SEGMENTS
+from retarget.robots import profile_keys as keys
 from retarget.robots.toml_table import TableReader
 
 KINDS = ("orientation", "position", "axis")
@@ -24,12 +25,7 @@ def parse_hierarchy(table: TableReader, links: Collection[str], arms: Mapping[st
 
     Raises `ProfileError`.
     """
-    table.only(
-        [
-            "joints", "limit_gain_1_s", "hand_speed_m_s", "hand_rate_rad_s", "inertia_diagonal", "extra_inertia", "lower_rad",
-            "upper_rad", "levels",
-        ]
-    )  # fmt: skip
+    table.only(keys.HIERARCHY)
     default, extra = Hierarchy(), table.table("extra_inertia")
     lower, upper = table.table("lower_rad"), table.table("upper_rad")
     return Hierarchy(
@@ -47,7 +43,7 @@ def parse_hierarchy(table: TableReader, links: Collection[str], arms: Mapping[st
 
 def parse_torque(table: TableReader) -> TorqueControl:
     """Gains and limits in [torque]: tables joint, or pattern with *, → number; and a list of joints. Raises `ProfileError`."""
-    table.only(["stiffness_nm_rad", "damping_nms_rad", "limit_nm", "standing_joints"])
+    table.only(keys.TORQUE)
     stiffness, damping, limit = (table.table(key) for key in ("stiffness_nm_rad", "damping_nms_rad", "limit_nm"))
     return TorqueControl(
         stiffness={joint: stiffness.not_negative(joint) for joint in stiffness.table_},
@@ -58,7 +54,7 @@ def parse_torque(table: TableReader) -> TorqueControl:
 
 
 def _arm(table: TableReader) -> Arm:
-    table.only(["shoulder_link", "shoulder_m", "hand_link", "hand_m", "length_m", "elbow_link"])
+    table.only(keys.ARM)
     return Arm(
         shoulder_link=table.text("shoulder_link"),
         shoulder_m=table.triple("shoulder_m"),
@@ -70,7 +66,7 @@ def _arm(table: TableReader) -> Arm:
 
 
 def _level(table: TableReader, links: Collection[str], arms: Mapping[str, Arm]) -> Level:
-    table.only(["weight", "acceleration_s2", "tasks"])
+    table.only(keys.LEVEL)
     tasks = tuple(_task(entry, links, arms) for entry in table.tables("tasks"))
     if not tasks:
         table.fail("tasks", [], "at least one task")
@@ -83,7 +79,7 @@ def _level(table: TableReader, links: Collection[str], arms: Mapping[str, Arm]) 
 
 
 def _task(table: TableReader, links: Collection[str], arms: Mapping[str, Arm]) -> LevelTask:
-    table.only(["segment", "kind", "gain_1_s", "link", "axis", "weight"])
+    table.only(keys.TASK)
     segment = table.choice("segment", SEGMENTS)
     # `choice` lets nothing but these three through
     kind = cast(Literal["orientation", "position", "axis"], table.choice("kind", KINDS))

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pinocchio as pin
 import pytest
 from retarget import robots
 from retarget.core import robot_model
+from retarget.core.errors import ProfileError
 from retarget.core.profile import (
     Arm,
     CoupledJoints,
@@ -185,6 +187,51 @@ class TestModel:
         )
         found = failed(report(G1, coupled=(row,)))["reference posture outside the coupled rows"]
         assert found.value == pytest.approx(0.5708, abs=1e-4)
+
+
+class TestHints:
+    """What a failed check tells the one who writes the profile."""
+
+    BENT = MappingProxyType({f"{side}_elbow_joint": JointLimit(1.0, 1.3, 20.0) for side in ("left", "right")})
+    """Elbows that stay 15° short of straight."""
+
+    def test_the_line_that_states_an_exception_makes_the_check_pass(self) -> None:
+        posture = {**G1.reference_posture, "left_elbow_joint": 1.3, "right_elbow_joint": 1.3}
+        found = report(G1, joint_limits=self.BENT, reference_posture=posture)
+        told = [
+            re.search(r'(\w+) = { joint = "(\w+)", error_deg = ([\d.]+) }$', c.note) for c in failed(found).values()
+        ]
+        assert told
+        assert all(told)
+        stated = {m[1]: TposeException(m[2], float(m[3])) for m in told if m}
+        assert {name.removeprefix("T-pose ").split()[0] for name in failed(found)} == set(stated)
+        assert report(G1, joint_limits=self.BENT, reference_posture=posture, tpose_exceptions=stated).passed
+
+    def test_only_joints_that_move_the_segment_are_named(self) -> None:
+        """The knees are at a limit, too, but no arm hangs on them."""
+        knees = {f"{side}_knee_joint": JointLimit(0.0, 2.0, 20.0) for side in ("left", "right")}
+        posture = {**G1.reference_posture, "left_elbow_joint": 1.3, "right_elbow_joint": 1.3}
+        found = failed(report(G1, joint_limits={**self.BENT, **knees}, reference_posture=posture))
+        for name, check_ in found.items():
+            assert ("left_" in check_.note) == ("Left" in name)
+            assert "knee" not in check_.note
+
+    def test_a_wrong_link_is_suspected_where_no_joint_is_at_its_limit(self) -> None:
+        """The upper arm twists behind this link, so it does not turn with its bone."""
+        found = failed(report(G1, links={**G1.links, "LeftUpperArm": "left_shoulder_roll_link"}))
+        assert "are the link, reference_posture_rad and base_rpy_rad right?" in " ".join(c.note for c in found.values())
+
+    def test_a_robot_that_faces_away_is_asked_for_its_upright_pose(self) -> None:
+        told = entry(report(G1, base_rpy=(0.0, 0.0, np.pi)), "UpperLeg left of the right one")
+        assert told.passed is False
+        assert "base_rpy_rad" in told.note
+
+    def test_segments_without_a_link_are_listed(self) -> None:
+        assert entry(report(G1), "segments without a link").note == "Head"
+
+    def test_a_profile_that_maps_nothing_is_refused(self) -> None:
+        with pytest.raises(ProfileError, match=r"\[links\]: no segment has a link; expected"):
+            report(G1, links={}, hands={}, mappings={})
 
 
 class TestHandsAndFeet:
