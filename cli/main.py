@@ -27,7 +27,7 @@ COMMANDS = {
     "compare": "Compare hand mappings by the experiments of Lim et al. 2022.",
     "inspect": "Show a recording before it is converted: figures, gaps, contacts, what to watch for.",
     "info": "Say what is in a recording or a trajectory.",
-    "robots": "List, show and check robots.",
+    "robots": "List, show and check robots, start a new one.",
     "demo": "Convert a sample walk to two robots and write a report.",
     "completion": "Print the script that teaches a shell to complete.",
 }

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from retarget.core.robot_model import RobotModel
 
 
-@click.group(short_help="List, show and check robots.")
+@click.group(short_help="List, show and check robots, start a new one.")
 def robots() -> None:
     """List, show and check robots.
 
