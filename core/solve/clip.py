@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from retarget.core import rotations, timebase
@@ -15,7 +15,7 @@ from retarget.core.solve.dynamical import solve as solve_dynamical
 from retarget.core.solve.hierarchical import HierarchicalOptions, HierarchicalSolution
 from retarget.core.solve.hierarchical import solve as solve_hierarchical
 from retarget.core.solve.newton import NewtonOptions
-from retarget.core.solve.problem import coupled_rows, orientation_problem
+from retarget.core.solve.problem import VELOCITY_MARGIN, coupled_rows, orientation_problem
 from retarget.core.solve.rounding import rounded_off
 from retarget.core.types import Array, Targets
 
@@ -91,18 +91,37 @@ def smoothed(time_s: Array, solution: Solution, window_s: float, model: RobotMod
 
     Beyond the clip's ends the motion is thought to go on as it came, unless that would leave a limit: then to stand still.
     """
-    joints = timebase.smooth(time_s, solution.joints, window_s)
+    joints = _averaged(time_s, solution.joints, window_s, "reflect")
     rows = coupled_rows(model)
     inside = (joints >= model.lower - 1e-12).all() and (joints <= model.upper + 1e-12).all()
     if rows is not None:
         value = joints @ rows[0].T
         inside = inside and (value >= rows[1]).all() and (value <= rows[2]).all()
     if not inside:
-        joints = timebase.smooth(time_s, solution.joints, window_s, ends="hold")
+        joints = _averaged(time_s, solution.joints, window_s, "hold")
     joints = joints.clip(model.lower, model.upper)
     base = solution.base_orientation
     turned = None if base is None else rotations.normalize(timebase.smooth(time_s, base, window_s))
     return replace(solution, joints=joints, base_orientation=turned)
+
+
+def _averaged(time_s: Array, joints: Array, window_s: float, ends: Literal["reflect", "hold"]) -> Array:
+    """`timebase.smooth` for joints (T, n), on equal steps where those of `time_s` (T,) are not.
+
+    A short step's speed limit does not hold for the average of the longer ones around it. The straight lines between frames keep all limits,
+    and so do samples of these, their averages, and samples of the lines between those.
+    """
+    steps = np.diff(time_s)
+    if not len(steps) or np.abs(steps / steps.mean() - 1.0).max() <= VELOCITY_MARGIN / 2:
+        return timebase.smooth(time_s, joints, window_s, ends=ends)
+    even = np.linspace(time_s[0], time_s[-1], len(time_s))
+    smooth = timebase.smooth(even, _on_lines(even, time_s, joints), window_s, ends=ends)
+    return _on_lines(time_s, even, smooth)
+
+
+def _on_lines(at: Array, time_s: Array, joints: Array) -> Array:
+    """Joints (T, n) at `time_s`, linearly interpolated to the times `at` (K,)."""
+    return np.stack([np.interp(at, time_s, column) for column in joints.T], axis=1)
 
 
 def trimmed(solution: Solution, window: slice) -> Solution:
