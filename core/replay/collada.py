@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import count, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ Z_UP = {
 }
 """What the file calls its up axis → rotation into a frame whose z points up. Without an entry the specification says Y_UP."""
 DEEPEST_NODE = 100
+MOST_NODES = 10_000
+"""Nodes that are shown, each as often as it is placed: one that places the next one twice, which does the same, doubles with every step."""
 
 
 def read_collada(content: bytes) -> Array:
@@ -53,22 +55,28 @@ def _instances(root: ET.Element) -> Iterator[tuple[str, Array]]:
             yield str(geometry.get("id")), np.eye(4)
         return
     library = {str(node.get("id")): node for node in root.iter("node")}
+    shown = count(1)
     for node in scene.iterfind("node"):
-        yield from _of_node(node, np.eye(4), library, 0)
+        yield from _of_node(node, np.eye(4), library, 0, shown)
 
 
-def _of_node(node: ET.Element, outer: Array, library: dict[str, ET.Element], depth: int) -> Iterator[tuple[str, Array]]:
+def _of_node(
+    node: ET.Element, outer: Array, library: dict[str, ET.Element], depth: int, shown: Iterator[int]
+) -> Iterator[tuple[str, Array]]:
+    """As `_instances`, of one node placed at `outer` (4, 4). shown: counts the nodes."""
     if depth > DEEPEST_NODE:
         raise ValueError("nodes that contain themselves")
+    if next(shown) > MOST_NODES:
+        raise ValueError(f"more than {MOST_NODES:,} nodes are shown")
     matrix = outer
     for child in node:
         matrix = matrix @ _transform(child)
     for instance in node.iterfind("instance_geometry"):
         yield _reference(instance), matrix
     for child in node.iterfind("node"):
-        yield from _of_node(child, matrix, library, depth + 1)
+        yield from _of_node(child, matrix, library, depth + 1, shown)
     for instance in node.iterfind("instance_node"):
-        yield from _of_node(library[_reference(instance)], matrix, library, depth + 1)
+        yield from _of_node(library[_reference(instance)], matrix, library, depth + 1, shown)
 
 
 def _transform(element: ET.Element) -> Array:

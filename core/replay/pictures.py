@@ -34,7 +34,7 @@ class Painter:
     """Draws one model, and a stick figure of a person to its left where one is given; to be used as a context manager.
 
     mj: the MuJoCo model, copied. postures: (K, nq) qpos that all have to fit into the picture, the camera moving along with the base.
-    person: points (K, P, 3) m, world, and bones (B, 2), at the same instants as `postures`.
+    person: points (K, P, 3) m, world, and bones (B, 2), at the same instants as `postures`; not drawn where no point is known.
     samples: per pixel, against jagged edges; 0 is fastest.
 
     Raises `UsageError` where no OpenGL can draw without a screen.
@@ -62,7 +62,7 @@ class Painter:
         chosen = np.unique(np.linspace(0, len(postures) - 1, FRAMED_POSTURES).round().astype(int))
         low, high = self._box(postures[chosen])
         self._person_shift, self._bones = np.zeros(3), None
-        if person is not None:
+        if person is not None and np.isfinite(person[0][chosen]).all(axis=-1).any():
             low, high = self._place(person[0][chosen], low, high)
             self._bones = person[1]
         self._camera = mujoco.MjvCamera()

@@ -173,6 +173,11 @@ def test_collada_polygons_strips_and_fans(primitive: str) -> None:
     assert volume(mesh) == pytest.approx(VOLUME)
 
 
+DOUBLING = "".join(f'<node id="n{i}">' + 2 * f'<instance_node url="#n{i + 1}"/>' + "</node>" for i in range(60))
+DOUBLING += '<node id="n60"/>'
+"""2⁶⁰ nodes in a few lines."""
+
+
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -193,6 +198,7 @@ def test_collada_polygons_strips_and_fans(primitive: str) -> None:
         ),
         ("a.dae", collada(METRES, '<node><instance_geometry url="#other"/></node>'), "other"),
         ("a.dae", collada(METRES, '<node id="n"><instance_node url="#n"/></node>'), "contain themselves"),
+        ("a.dae", collada(METRES, DOUBLING), "more than 10,000 nodes are shown"),
         ("a.dae", collada(METRES, ""), "no triangles"),
         ("a.glb", b"glTF", "unknown mesh format '.glb'; expected .stl, .obj, .dae"),
     ],

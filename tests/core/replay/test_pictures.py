@@ -56,6 +56,18 @@ def test_the_person_stands_left_of_the_robot_on_the_same_height() -> None:
     assert abs(np.nonzero(dark)[0].max() - np.nonzero(robot)[0].max()) < 0.1 * SIZE[1]
 
 
+@pytest.mark.parametrize("points", [0, 2])
+def test_a_person_of_whom_no_point_is_known_is_not_drawn(points: int) -> None:
+    """Orientations alone: the recording's figure has no points, or none that are known."""
+    model = mujoco.MjModel.from_xml_string(BOX)
+    posture = np.array([[0.0, 0, 0, 1, 0, 0, 0]])
+    person = np.full((1, points, 3), np.nan)
+    with painter(model, posture) as draw:
+        alone = draw.draw(posture[0])
+    with painter(model, posture, person=(person, np.array([[0, 1]][: points // 2]))) as draw:
+        np.testing.assert_array_equal(draw.draw(posture[0], person[0]), alone)
+
+
 class Viewer:
     """Stands in for MuJoCo's window: open for `frames` pictures, and remembers what was shown."""
 
