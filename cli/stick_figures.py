@@ -26,12 +26,12 @@ AZIMUTH, ELEVATION = np.radians(-55.0), np.radians(8.0)
 
 
 def strip(results: Sequence[ConvertResult], instants: int = 6) -> Figure:
-    """The person (grey) and beside them each result's robot, at evenly spaced instants; bones on the far side paler.
+    """The person (grey), unless no position is known, and beside them each result's robot, at evenly spaced instants; bones on the far side paler.
 
     All results come from the same motion: same frames, same times.
     """
     person = results[0].series
-    bodies = [(person["human_points"], person["human_bones"], PERSON_COLOURS)]
+    bodies = [(person["human_points"], person["human_bones"], PERSON_COLOURS)] if person["human_points"].size else []
     for number, result in enumerate(results):
         colours = ROBOT_COLOURS[number % len(ROBOT_COLOURS)]
         bodies.append((result.series["robot_points"], result.series["robot_bones"], colours))

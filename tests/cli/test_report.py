@@ -165,6 +165,12 @@ def test_stick_figures_stand_to_scale_side_by_side(result: ConvertResult) -> Non
     assert all(right < left for right, left in zip(rights[:-1], lefts[1:], strict=True))
 
 
+def test_a_recording_without_positions_shows_the_robot_alone(result: ConvertResult, model: RobotModel) -> None:
+    unplaced = replace(result.motion, position=np.full_like(result.motion.position, np.nan), foot_contacts=None)
+    (axes,) = stick_figures.strip([convert(unplaced, model, ConvertOptions())], instants=4).axes
+    assert len([c for c in axes.collections if isinstance(c, LineCollection)]) == 4
+
+
 def test_the_view_from_front_right() -> None:
     """The viewer sees forward (+X) to the right, and the person's right side (−Y) nearer."""
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [0, 0, 1]])
