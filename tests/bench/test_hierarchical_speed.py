@@ -22,11 +22,20 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from retarget import robots
 from retarget.core.robot_model import build
 from retarget.core.solve.cascade import Cascade
+from retarget.core.solve.freedom import ControlStep
 from retarget.core.solve.hierarchical import HierarchicalOptions, HierarchicalSolver, solve
 from retarget.core.solve.task_samples import TaskSample, TaskSamples
 from retarget.core.types import Array, Targets
 
-from tests.core.solve.hierarchies import ROBOTS, Step, paper_targets, random_step, upper_body_motion
+from tests.core.solve.hierarchies import (
+    ROBOTS,
+    Step,
+    by_cascade,
+    last_step,
+    paper_targets,
+    random_step,
+    upper_body_motion,
+)
 
 STATES, STEP_S, FRAMES = 200, 1e-3, 60
 
@@ -51,50 +60,16 @@ def work(request: pytest.FixtureRequest) -> Work:
     return Work(request.param, targets, solver, TaskSamples(solver.tasks, robot).at(0), states)
 
 
-@dataclass(frozen=True)
-class Linearised:
-    """One step's input to the QPs."""
-
-    jacobian: Array
-    command: Array
-    inertia: Array
-    lower: Array
-    upper: Array
-    constraints: Array
-    before: Array
-
-
-def linearised(work: Work) -> list[Linearised]:
-    found, solver = [], work.solver
+def linearised(work: Work) -> list[ControlStep]:
+    found = []
     for state in work.states:
-        solver.step(state.joints, work.wanted, 0, state.before, STEP_S)
-        rows, limits = solver.rows, solver.limits
-        found.append(
-            Linearised(
-                rows.jacobian.copy(),
-                rows.command.copy(),
-                rows.inertia + solver.added_inertia,
-                limits.lower.copy(),
-                limits.upper.copy(),
-                np.concatenate([rows.hand_rows, limits.coupled]),
-                state.before,
-            )
-        )
+        work.solver.step(state.joints, work.wanted, 0, state.before, STEP_S)
+        found.append(last_step(work.solver, state.before))
     return found
 
 
-def strict(step: Linearised, cascade: Cascade) -> Array:
-    return cascade.solve(
-        0,
-        step.jacobian,
-        step.command,
-        step.inertia,
-        step.lower,
-        step.upper,
-        step.constraints,
-        step.before,
-        STEP_S,
-    ).velocity
+def strict(step: ControlStep, cascade: Cascade) -> Array:
+    return by_cascade(cascade, step, STEP_S).velocity
 
 
 @pytest.fixture(params=["numpy", "compiled"])
@@ -104,7 +79,7 @@ def kernel(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-def weighted(work: Work, step: Linearised) -> Array:
+def weighted(work: Work, step: ControlStep) -> Array:
     """min Σ_p ρ_p ‖J_p q̇ - v_p‖² + ‖q̇‖²_A + a ‖(q̇ - q̇_before)/dt‖²: the levels' own weights, all at once."""
     importance, acceleration = work.solver.weight[0].copy(), 0.0
     for level, rows in zip(work.solver.levels, work.solver.level_rows, strict=True):

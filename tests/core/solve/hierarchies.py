@@ -11,8 +11,8 @@ from retarget import robots
 from retarget.core import rotations
 from retarget.core.kinematics import link_poses
 from retarget.core.robot_model import RobotModel
-from retarget.core.solve.cascade import Cascade
-from retarget.core.solve.freedom import Freedom
+from retarget.core.solve.cascade import Cascade, CascadeStep
+from retarget.core.solve.freedom import ControlStep, Freedom
 from retarget.core.solve.hierarchical import HierarchicalSolver
 from retarget.core.solve.priorities import narrowed
 from retarget.core.types import Array, Targets, Task
@@ -101,24 +101,21 @@ def paper_cascade(
 
     A level that is infeasible for daqp's tolerance (the paper's level 5, often) keeps the one before.
     """
-    rows, limits = solver.rows, solver.limits
-    count = len(solver.columns)
-    inertia = rows.inertia + solver.added_inertia
-    constraints = np.concatenate([rows.hand_rows, limits.coupled])
+    step, count = last_step(solver, before), len(solver.columns)
     velocity, found, solved = np.zeros(count), [], []
     for level, own in zip(solver.levels, solver.level_rows, strict=True):
-        higher = rows.jacobian[: own.start]
+        higher = step.jacobian[: own.start]
         factor = level.acceleration_s2 / step_s**2
-        jacobian, importance = rows.jacobian[own], level.weight * weight[own]
-        hessian = (jacobian.T * importance) @ jacobian + inertia + factor * np.eye(count)
-        gradient = -(jacobian.T * importance) @ rows.command[own] - factor * before
+        jacobian, importance = step.jacobian[own], level.weight * weight[own]
+        hessian = (jacobian.T * importance) @ jacobian + step.inertia + factor * np.eye(count)
+        gradient = -(jacobian.T * importance) @ step.command[own] - factor * before
         # Dependent equalities are inconsistent for any tolerance: an independent set says the same.
         _, size, right = np.linalg.svd(higher) if len(higher) else (None, np.zeros(0), np.eye(count))
         basis = right[: int((size > 1e-9).sum())]
-        matrix = np.concatenate([constraints, basis])
+        matrix = np.concatenate([step.constraints, basis])
         fixed = basis @ velocity
-        lower, upper = np.concatenate([limits.lower, fixed]), np.concatenate([limits.upper, fixed])
-        sense = np.repeat(np.array([0, 5], np.intc), [len(limits.lower), len(basis)])
+        lower, upper = np.concatenate([step.lower, fixed]), np.concatenate([step.upper, fixed])
+        sense = np.repeat(np.array([0, 5], np.intc), [len(step.lower), len(basis)])
         # Where limits bind beside many equalities daqp may find no feasible point, unless it solves these first, or in a coarser unit.
         for scale, how in ((1e3, {}), (1e3, {"eq_reduction": 1}), (1.0, {"eq_reduction": 1})):
             problem = (hessian, scale * gradient, matrix, scale * upper, scale * lower, sense.copy())
@@ -131,24 +128,36 @@ def paper_cascade(
     return np.array(found), np.array(solved)
 
 
+def last_step(solver: HierarchicalSolver, before: Array) -> ControlStep:
+    """What the last step of `solver` gave to its cascade, with the first frame's weights and the velocities (c,) of the step before."""
+    rows, limits = solver.rows, solver.limits
+    return ControlStep(
+        jacobian=rows.jacobian.copy(),
+        scale=np.sqrt(solver.weight[0]),
+        command=rows.command.copy(),
+        inertia=rows.inertia + solver.added_inertia,
+        lower=limits.lower.copy(),
+        upper=limits.upper.copy(),
+        constraints=np.concatenate([rows.hand_rows, limits.coupled]),
+        before=before,
+    )
+
+
+def by_cascade(cascade: Cascade, step: ControlStep, step_s: float) -> CascadeStep:
+    """`step` solved with the first frame's weights."""
+    return cascade.solve(
+        0, step.jacobian, step.command, step.inertia, step.lower, step.upper, step.constraints, step.before, step_s
+    )
+
+
 def largest_change(
     solver: HierarchicalSolver, before: Array, full: Array, step_s: float, freedom: type[Freedom] = Freedom
 ) -> float:
     """By how much a level's task velocities differ between the cascade that ends with it and the whole one."""
-    rows, limits, largest = solver.rows, solver.limits, 0.0
+    step, largest = last_step(solver, before), 0.0
     for count in range(1, len(solver.levels)):
-        part = Cascade(solver.levels[:count], solver.level_rows[:count], solver.weight, limits.speed, freedom)
-        found = part.solve(
-            0,
-            rows.jacobian,
-            rows.command,
-            rows.inertia + solver.added_inertia,
-            limits.lower,
-            limits.upper,
-            np.concatenate([rows.hand_rows, limits.coupled]),
-            before,
-            step_s,
-        )
+        part = Cascade(solver.levels[:count], solver.level_rows[:count], solver.weight, solver.limits.speed, freedom)
+        found = by_cascade(part, step, step_s)
         own = slice(0, solver.level_rows[count - 1].stop)
-        largest = max(largest, float(np.abs(rows.jacobian[own] @ (full - found.velocity)).max()))
+        largest = max(largest, float(np.abs(step.jacobian[own] @ (full - found.velocity)).max()))
     return largest

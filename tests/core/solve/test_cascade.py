@@ -20,7 +20,9 @@ from scipy.optimize import minimize
 
 from tests.core.solve.hierarchies import (
     ROBOTS,
+    by_cascade,
     largest_change,
+    last_step,
     paper_cascade,
     paper_targets,
     random_step,
@@ -63,23 +65,9 @@ def solved(request: pytest.FixtureRequest, model: Callable[[str], RobotModel]) -
     for _ in range(STATES):
         state = random_step(solver, robot, rng)
         steps.append(solver.step(state.joints, wanted, 0, state.before, STEP_S))
-        rows, limits = solver.rows, solver.limits
-        constraints = np.concatenate([rows.hand_rows, limits.coupled])
+        given = last_step(solver, state.before)
         if by_numba is not None:
-            inertia = rows.inertia + solver.added_inertia
-            compiled.append(
-                by_numba.solve(
-                    0,
-                    rows.jacobian,
-                    rows.command,
-                    inertia,
-                    limits.lower,
-                    limits.upper,
-                    constraints,
-                    state.before,
-                    STEP_S,
-                )
-            )
+            compiled.append(by_cascade(by_numba, given, STEP_S))
         velocities, fine = paper_cascade(solver, solver.weight[0], state.before, STEP_S)
         paper.append(velocities)
         paper_solved.append(fine)
@@ -88,8 +76,8 @@ def solved(request: pytest.FixtureRequest, model: Callable[[str], RobotModel]) -
                 continue
             own = found[-1].velocity
             leaks.append(largest_change(solver, state.before, own, STEP_S, kind))
-            value = np.concatenate([own, constraints @ own])
-            excess.append(max((value - limits.upper).max(), (limits.lower - value).max()))
+            value = np.concatenate([own, given.constraints @ own])
+            excess.append(max((value - given.upper).max(), (given.lower - value).max()))
     return Solved(solver, steps, compiled, np.array(paper), np.array(paper_solved), np.array(leaks), np.array(excess))
 
 
