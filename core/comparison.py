@@ -144,7 +144,7 @@ def squares(calibration: Calibration, model: RobotModel) -> dict[str, Square]:
 class Similarity:
     """The robot's arms by one variant, T frames.
 
-    errors_deg: line → (T,), as `experiments.arm_direction_errors`. points: as `experiments.robot_arm_points`, and Pelvis, Neck, Head.
+    errors_deg: line → (T,), as `experiments.line_angles`. points: as `experiments.robot_arm_points`, and Pelvis, Neck, Head.
     hand_error_m: side → (T,), from the hand's target to where the robot's limits and the levels above let it be. unsolved_frames: their number.
     """
 

@@ -110,22 +110,6 @@ def circle_paths(
     return {side: {name: path[side] for name, path in paths.items()} for side in SIDES}
 
 
-def circle_indices(
-    motion: HumanMotion,
-    model: RobotModel,
-    mappings: Sequence[str] = HAND_MAPPINGS,
-    window_s: tuple[float, float] | None = None,
-) -> dict[str, dict[str, float]]:
-    """Side → {"original": index of the operator's own path, mapping's name: of the robot's target path} [Lim2022 table IV].
-
-    motion: one in which both hands draw circles in front of the person, with its calibration. window_s: (start, end), when they
-    do; None = throughout. Raises `InvalidDataError` for a window with fewer than three frames.
-    """
-    drawn = within(motion.time, window_s)
-    paths = circle_paths(motion, model, mappings)
-    return {side: {name: circle_index(path[drawn]) for name, path in paths[side].items()} for side in SIDES}
-
-
 def within(time: Array, window_s: tuple[float, float] | None) -> BoolArray:
     """Which frames (T,) are in the window, ends included; all without one."""
     start, end = window_s or (-np.inf, np.inf)
@@ -167,19 +151,13 @@ LINES = {"UpperArm": ("Shoulder", "Elbow"), "ForeArm": ("Elbow", "Hand"), "Arm":
 """Line of an arm → the points that it joins."""
 
 
-def arm_direction_errors(trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion) -> dict[str, Array]:
-    """Line → angle (T,) in degrees between the operator's and the robot's: {Left,Right}UpperArm, ForeArm (elbow to hand), Arm
-    (shoulder to hand).
-
-    The visual similarity of [Lim2022 sec. IV-C] as a number. `motion` is what was retargeted, frame for frame, with its
-    calibration; the robot's base stands upright, the person is seen in the operator frame. Lines that start or end at an elbow
-    are left out where robot or person has none known.
-    """
-    return line_angles(operator_arm_points(motion, model), robot_arm_points(trajectory, model))
-
-
 def line_angles(person: Mapping[str, Array], robot: Mapping[str, Array]) -> dict[str, Array]:
-    """Line → angle (T,) in degrees between the arms of the two, from what `operator_arm_points` and `robot_arm_points` give."""
+    """Line → angle (T,) in degrees between the arms of the two, from what `operator_arm_points` and `robot_arm_points` give: {Left,Right}UpperArm,
+    ForeArm (elbow to hand), Arm (shoulder to hand).
+
+    The visual similarity of [Lim2022 sec. IV-C] as a number: the person is seen in the operator frame, the robot's base stands upright. Lines
+    that start or end at an elbow are left out where robot or person has none known.
+    """
     errors = {}
     for side in SIDES:
         for line, (start, end) in LINES.items():

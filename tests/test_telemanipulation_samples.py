@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from retarget import formats, robots, samples
-from retarget.core import experiments, mapping, robot_model
+from retarget.core import comparison, experiments, mapping, robot_model
 from retarget.core.calibrate.apply import apply
 from retarget.core.calibrate.operator import calibrate
 from retarget.core.calibration import POSES, SIDES, Calibration
@@ -108,7 +108,8 @@ def test_circles_get_rounder(side: str) -> None:
     """[Lim2022 table IV]: meant as circles, drawn in the skewed axes of the operator's own poses. The baselines keep them as drawn; what the
     poses can undo, more than half, the mapping undoes; what is left is the chest's sway and the hand's unsteadiness."""
     window = tuple(truth("circles_trackers")["windows_s"]["circles"])
-    index = experiments.circle_indices(motion("circles_trackers"), tocabi(), window_s=window)[side]
+    found = comparison.circles(motion("circles_trackers"), tocabi(), experiments.HAND_MAPPINGS, window)
+    index = found[side].index
     assert index["hand_position"] < 0.5 * index["original"]
     for baseline in ("proportional", "absolute"):
         assert index[baseline] == pytest.approx(index["original"], rel=1e-6)

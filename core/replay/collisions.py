@@ -1,4 +1,4 @@
-"""Self-collision and ground penetration of a whole trajectory, without dynamics."""
+"""Self-collision of a whole trajectory, without dynamics."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from retarget.core.errors import UsageError
-from retarget.core.kinematics import link_poses
 from retarget.core.replay.mesh_contact import MeshContact
 from retarget.core.replay.model import ReplayModel
 from retarget.core.types import Array
@@ -149,19 +148,3 @@ def _collected(
     deepest[frame[order]] = depth[order]
     who[frame[order]] = pair[order]
     return SelfCollisions(deepest, who, links, frame, pair, depth)
-
-
-def sole_heights(
-    replay: ReplayModel, joints: Array, base_orientation: Array | None = None, base_position: Array | None = None
-) -> dict[str, Array]:
-    """Side → height (T, K) m of its sole's corners over the floor; negative is under it. Empty for robots without feet.
-
-    joints (T, n); base pose as wxyz (T, 4) and m (T, 3), upright at the origin when None.
-    """
-    feet = replay.robot.profile.feet
-    if not feet:
-        return {}
-    rotation, origin = link_poses(
-        replay.robot, [foot.link for foot in feet.values()], joints, base_orientation, base_position
-    )
-    return {side: rotation[:, i, 2] @ foot.sole.T + origin[:, i, 2:] for i, (side, foot) in enumerate(feet.items())}

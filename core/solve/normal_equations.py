@@ -1,4 +1,4 @@
-"""Cost, gradient g and Hessian H of the orientation tasks [Darvish2019 eqs 3–5] at one posture, and the forms that prove them.
+"""Cost, gradient g and Hessian H of the orientation tasks [Darvish2019 eqs 3–5] at one posture.
 
 The cost of one frame, with R the achieved and R* the desired rotation of a link, u and u* its bone's direction, w its weight and l its
 twist loss (1 - twist weight; the bone alone matters at l = 1):
@@ -249,30 +249,6 @@ def rotation_vector(rotation: Array) -> Array:
     column = outer[:, int(np.argmax(np.diag(outer)))]
     axis = column / np.linalg.norm(column)
     return np.asarray(angle * (axis if axis @ sine_axis >= 0 else -axis))
-
-
-def direction_vector(present: Array, desired: Array) -> Array:
-    """The smallest rotation vector (3,) that turns unit vector `present` to `desired`; exactly opposite ones have none: zero."""
-    sine_axis = np.cross(present, desired)
-    sine = float(np.linalg.norm(sine_axis))
-    return np.asarray(sine_axis * (np.arctan2(sine, present @ desired) / sine if sine > 0 else 1.0))
-
-
-def stacked(
-    axes: Array, moves: Array, weight: Array, twist_loss: Array, pivot: Array, pull: Array
-) -> tuple[Array, Array]:
-    """H = JᵀWJ (c, c) and g = -Jᵀb (c,) from the Jacobians written out, one (3, c) block per link: the oracle of the Gram form.
-
-    axes (3, c), moves (L, c), weight and twist_loss (L,), pivot (3, L) direction of free twist, pull (3, L) b: world frame.
-    """
-    columns = axes.shape[1]
-    hessian, gradient = np.zeros((columns, columns)), np.zeros(columns)
-    for link in range(len(moves)):
-        jacobian = axes * moves[link]
-        metric = weight[link] * (np.eye(3) - twist_loss[link] * np.outer(pivot[:, link], pivot[:, link]))
-        hessian += jacobian.T @ metric @ jacobian
-        gradient -= jacobian.T @ pull[:, link]
-    return hessian, gradient
 
 
 def _cross(a: Array, b: Array) -> Array:

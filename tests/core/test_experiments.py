@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from retarget.core import experiments, rotations
+from retarget.core import comparison, experiments, rotations
 from retarget.core.errors import InvalidDataError
 from retarget.core.mapping.absolute import one_to_one
 from retarget.core.mapping.hand_weights import mapping_weights
 from retarget.core.mapping.proportional import in_proportion
+from retarget.core.robot_model import RobotModel
 from retarget.core.types import Array, HumanMotion, JointTrajectory
 
 from tests.core.mapping.operators import authors_arms, calibration_of, pose
@@ -144,7 +145,7 @@ def test_what_is_no_circle() -> None:
 def test_circle_indices_of_a_clip(make_motion: MotionFactory, build_robot: Callable[[str], Any]) -> None:
     """Hands that draw circles, slightly egg-shaped: the calibration's basis is 0.55 m · axes, so nothing becomes rounder or less
     round."""
-    motion = make_motion(np.arange(180) / 90)
+    motion = make_motion(np.linspace(0.0, 2.0, 180))
     position = np.array(motion.position)
     angle = np.linspace(0, 2 * np.pi, 181)[:-1]
     for side, out in (("Left", 1), ("Right", -1)):
@@ -152,12 +153,13 @@ def test_circle_indices_of_a_clip(make_motion: MotionFactory, build_robot: Calla
         path = np.stack([0 * angle + 0.3, out * 0.2 + radius * np.cos(angle), 0.4 + radius * np.sin(angle)], axis=1)
         position[:, motion.index(f"{side}Hand")] = position[:, motion.index("Pelvis")] + path
     motion = replace(motion, position=position, calibration=calibration_of(make_motion))
-    found = experiments.circle_indices(motion, build_robot("g1"))
+    found = comparison.circles(motion, build_robot("g1"), experiments.HAND_MAPPINGS, (0.0, 2.0))
     for side in ("Left", "Right"):
-        assert set(found[side]) == {"original", *experiments.HAND_MAPPINGS}
-        assert found[side]["original"] == pytest.approx(0.1 / np.sqrt(2), abs=1e-12)
+        index = found[side].index
+        assert set(index) == {"original", *experiments.HAND_MAPPINGS}
+        assert index["original"] == pytest.approx(0.1 / np.sqrt(2), abs=1e-12)
         for name in experiments.HAND_MAPPINGS:
-            assert found[side][name] == pytest.approx(found[side]["original"], abs=1e-9)
+            assert index[name] == pytest.approx(index["original"], abs=1e-9)
 
 
 def test_only_the_window_counts(make_motion: MotionFactory, build_robot: Callable[[str], Any]) -> None:
@@ -170,11 +172,16 @@ def test_only_the_window_counts(make_motion: MotionFactory, build_robot: Callabl
         position[:180, motion.index(f"{side}Hand")] = position[:180, motion.index("Pelvis")] + path
     motion = replace(motion, position=position)
     model = build_robot("tocabi")
-    within = experiments.circle_indices(motion, model, ["absolute", "hand_position"], (0.0, 2.0 - 1e-6))
-    assert all(index < 1e-9 for side in within.values() for index in side.values())
-    assert experiments.circle_indices(motion, model, ["absolute"])["Left"]["absolute"] > 0.1
-    with pytest.raises(InvalidDataError, match=r"found points of shape \(0, 3\)"):
-        experiments.circle_indices(motion, model, ["absolute"], (5.0, 6.0))
+    within = comparison.circles(motion, model, ["absolute", "hand_position"], (0.0, 2.0 - 1e-6))
+    assert all(index < 1e-9 for side in ("Left", "Right") for index in within[side].index.values())
+    throughout = comparison.circles(motion, model, ["absolute"], (0.0, float(time[-1])))
+    assert throughout["Left"].index["absolute"] > 0.1
+
+
+def direction_errors(trajectory: JointTrajectory, model: RobotModel, motion: HumanMotion) -> dict[str, Array]:
+    return experiments.line_angles(
+        experiments.operator_arm_points(motion, model), experiments.robot_arm_points(trajectory, model)
+    )
 
 
 @pytest.mark.parametrize("name", ["g1", "tocabi"])
@@ -187,14 +194,14 @@ def test_arm_directions(make_motion: MotionFactory, build_robot: Callable[[str],
     trajectory = JointTrajectory(np.array([0.0, 1.0]), model.joint_names, joints, np.zeros_like(joints))
     for held, angle in (("tpose", 0.0), ("forward", 90.0)):
         motion = make_motion([0.0, 1.0], pose(held), calibration=calibration)
-        found = experiments.arm_direction_errors(trajectory, model, motion)
+        found = direction_errors(trajectory, model, motion)
         assert set(found) == {f"{side}{line}" for side in ("Left", "Right") for line in ("UpperArm", "ForeArm", "Arm")}
         for line, error in found.items():
             assert error.shape == (2,)
             assert error == pytest.approx(angle, abs=1.0 if line.endswith(("LeftArm", "RightArm")) else 6.0), line
     # What trackers leave: no upper arm, no elbow.
     sparse = replace(motion, measured=np.array([s in ("T8", "LeftHand", "RightHand") for s in motion.segments]))
-    found = experiments.arm_direction_errors(trajectory, model, sparse)
+    found = direction_errors(trajectory, model, sparse)
     assert set(found) == {"LeftArm", "RightArm"}
     assert found["LeftArm"] == pytest.approx(90.0, abs=1.0)
 
@@ -208,6 +215,6 @@ def test_arm_directions_are_those_of_the_person_in_their_own_frame(
     joints = np.tile(model.reference_posture, (2, 1))
     trajectory = JointTrajectory(np.array([0.0, 1.0]), model.joint_names, joints, np.zeros_like(joints))
     motion = make_motion([0.0, 1.0], {"Pelvis": rotations.exp(np.array([0.0, 0.0, 2.0]))}, calibration=calibration)
-    found = experiments.arm_direction_errors(trajectory, model, motion)
+    found = direction_errors(trajectory, model, motion)
     assert found["LeftArm"] == pytest.approx(np.zeros(2), abs=0.01)
     assert found["RightArm"] == pytest.approx(np.zeros(2), abs=0.01)

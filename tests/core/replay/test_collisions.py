@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from retarget.core import rotations
 from retarget.core.errors import UsageError
-from retarget.core.replay.collisions import self_collisions, sole_heights
+from retarget.core.replay.collisions import self_collisions
 from retarget.core.replay.model import ReplayModel, build
 
 from tests.core.replay.conftest import RobotFactory, collision, hinge, link
@@ -70,22 +70,3 @@ def test_a_model_without_self_collision_is_refused(robot_from: RobotFactory, tmp
     replay = build(robot_from(CHAIN), base="fixed", cache=tmp_path)
     with pytest.raises(UsageError, match="without self_collision"):
         self_collisions(replay, np.zeros((1, 3)))
-
-
-def test_soles_stand_as_high_as_the_base_is_lifted(replayed: Callable[..., ReplayModel]) -> None:
-    """MuJoCo's own placement of the foot's body; lifted by 5 cm, and tilted by 0.1 rad about x."""
-    import mujoco
-
-    replay = replayed("g1")
-    robot, joints = replay.robot, replay.robot.reference_posture
-    place, turn = np.array([0.2, -0.1, 0.85]), rotations.exp(np.array([0.1, 0.0, 0.0]))
-    found = sole_heights(replay, joints[None], turn[None], place[None])
-    data = mujoco.MjData(replay.mj)
-    data.qpos[:] = replay.configuration(joints, turn, place)
-    mujoco.mj_kinematics(replay.mj, data)
-    for side, foot in robot.profile.feet.items():
-        body = data.body(foot.link)
-        np.testing.assert_allclose(found[side][0], (foot.sole @ body.xmat.reshape(3, 3).T + body.xpos)[:, 2], atol=1e-9)
-    lifted = sole_heights(replay, joints[None], turn[None], place[None] + [0, 0, 0.05])
-    np.testing.assert_allclose(lifted["Left"] - found["Left"], 0.05, atol=1e-12)
-    assert sole_heights(replayed("baxter"), np.zeros((1, 15))) == {}

@@ -11,7 +11,7 @@ import pytest
 from retarget import robots
 from retarget.core import rotations
 from retarget.core.robot_model import RobotModel
-from retarget.core.solve.normal_equations import NormalEquations, direction_vector, rotation_vector, stacked
+from retarget.core.solve.normal_equations import NormalEquations, rotation_vector
 from retarget.core.solve.problem import OrientationProblem, orientation_problem
 from retarget.core.types import Array, Targets, Task
 from scipy.spatial.transform import Rotation
@@ -41,6 +41,13 @@ class TestRotationVector:
             found = rotation_vector(rotation)
             assert np.linalg.norm(found) == pytest.approx(np.pi, abs=1e-8)
             np.testing.assert_allclose(Rotation.from_rotvec(found).as_matrix(), rotation, atol=1e-7)
+
+
+def direction_vector(present: Array, desired: Array) -> Array:
+    """The smallest rotation vector (3,) that turns unit vector `present` to `desired`; exactly opposite ones have none: zero."""
+    sine_axis = np.cross(present, desired)
+    sine = float(np.linalg.norm(sine_axis))
+    return np.asarray(sine_axis * (np.arctan2(sine, present @ desired) / sine if sine > 0 else 1.0))
 
 
 def test_direction_vector_turns_one_onto_the_other_by_the_smallest_angle() -> None:
@@ -90,6 +97,23 @@ def written_out(
         jacobian = pin.getJointJacobian(model, data, int(joint), pin.LOCAL_WORLD_ALIGNED)[3:, first:]
         parts.append((e, d, bone, np.array(jacobian), rotation))
     return float(cost), parts
+
+
+def stacked(
+    axes: Array, moves: Array, weight: Array, twist_loss: Array, pivot: Array, pull: Array
+) -> tuple[Array, Array]:
+    """H = JᵀWJ (c, c) and g = -Jᵀb (c,) from the Jacobians written out, one (3, c) block per link.
+
+    axes (3, c), moves (L, c), weight and twist_loss (L,), pivot (3, L) direction of free twist, pull (3, L) b: world frame.
+    """
+    columns = axes.shape[1]
+    hessian, gradient = np.zeros((columns, columns)), np.zeros(columns)
+    for link in range(len(moves)):
+        jacobian = axes * moves[link]
+        metric = weight[link] * (np.eye(3) - twist_loss[link] * np.outer(pivot[:, link], pivot[:, link]))
+        hessian += jacobian.T @ metric @ jacobian
+        gradient -= jacobian.T @ pull[:, link]
+    return hessian, gradient
 
 
 @pytest.mark.parametrize("twist_weight", [1.0, 0.3, 0.0])
