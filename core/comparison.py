@@ -10,7 +10,7 @@ import numpy as np
 from retarget.core import experiments, timebase
 from retarget.core.calibration import SIDES, Calibration
 from retarget.core.errors import MotionError, UsageError
-from retarget.core.kinematics import link_poses
+from retarget.core.kinematics import link_poses, position_errors
 from retarget.core.mapping import load
 from retarget.core.mapping.absolute import HEIGHT_M
 from retarget.core.mapping.arm_frames import arm_frames
@@ -206,14 +206,14 @@ def _solved(
         time=motion.time,
         joint_names=model.joint_names,
         position=solution.joints,
-        velocity=np.gradient(solution.joints, motion.time, axis=0) if motion.frames > 1 else 0 * solution.joints,
+        velocity=timebase.rate_of_change(motion.time, solution.joints),
         base_position=np.zeros((motion.frames, 3)) if floating else None,
         base_orientation=solution.base_orientation,
         status=solution.status,
         robot=model.profile.name,
     )
-    side_of = {task.frame: task.segment.removesuffix("Hand") for task in targets.tasks if task.kind == "position"}
-    return trajectory, {side_of[frame]: error for frame, error in solution.position_error_m.items()}
+    errors = position_errors(model, targets, solution.joints)
+    return trajectory, {segment.removesuffix("Hand"): error for segment, error in errors.items()}
 
 
 def _robot_trunk(trajectory: JointTrajectory, model: RobotModel, arms: Mapping[str, Array]) -> dict[str, Array]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from retarget.core import rotations
 from retarget.core.robot_model import RobotModel
-from retarget.core.types import Array
+from retarget.core.types import Array, Targets
 
 CHUNK = 512
 """Frames computed together: a joint's numbers stay in the processor's nearest cache."""
@@ -76,6 +76,23 @@ class Poses:
         """Rotation (T, 3, 3) and origin (T, 3) m of one link."""
         i = self.links.index(link)
         return self.rotation[:, i], self.origin[:, i]
+
+
+def position_errors(model: RobotModel, targets: Targets, joints: Array) -> dict[str, Array]:
+    """Segment (or frame, for tasks of none) → distance (T,) m between the point of its position task and where it should be at joints (T, n).
+
+    Position tasks are in the world of a robot that stands upright at the origin, so that is where its base is put.
+    """
+    tasks = [task for task in targets.tasks if task.kind == "position"]
+    if not tasks:
+        return {}
+    poses = Poses.of(model, [task.frame for task in tasks], joints)
+    errors = {}
+    for task in tasks:
+        rotation, origin = poses.at(task.frame)
+        away = rotation @ task.offset + origin - task.value
+        errors[task.segment or task.frame] = np.asarray(np.linalg.norm(away, axis=1))
+    return errors
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from retarget.core import rotations
 from retarget.core.contacts import foot_contacts
-from retarget.core.kinematics import Poses
+from retarget.core.kinematics import Poses, position_errors
 from retarget.core.mapping.limb_plane import bone_direction
 from retarget.core.robot_model import RobotModel
 from retarget.core.segments import LIMB_END
@@ -37,7 +37,7 @@ def measure(
     series |= {f"orientation_error_deg/{segment}": error for segment, error in link.items()}
     skate, penetration, feet = foot_figures(trajectory, model, foot_contacts(motion), poses)
     series |= feet
-    hands = position_errors(trajectory, model, targets)
+    hands = {name: 1e3 * error for name, error in position_errors(model, targets, trajectory.position).items()}
     series |= {f"hand_position_error_mm/{segment}": error for segment, error in hands.items()}
     limits, limit_series = limit_figures(trajectory, model)
     series |= limit_series
@@ -93,24 +93,6 @@ def orientation_errors(
         # ‖A - B‖ = 2√2 sin(θ/2) in the Frobenius norm: exact near 0, and no detour over quaternions.
         apart = np.linalg.norm(rotation[:, i] - rotations.to_matrix(task.value), axis=(1, 2))
         errors[task.segment or task.frame] = np.degrees(2.0 * np.arcsin(np.minimum(apart / np.sqrt(8.0), 1.0)))
-    return errors
-
-
-def position_errors(trajectory: JointTrajectory, model: RobotModel, targets: Targets) -> dict[str, Array]:
-    """Segment (or frame, for tasks of none) → distance (T,) in mm between the point of its position task and where it should be.
-
-    Position tasks are in the world of a robot that stands upright at the origin, so that is where its base is put.
-    """
-    tasks = [task for task in targets.tasks if task.kind == "position"]
-    if not tasks:
-        return {}
-    poses = Poses.of(model, [task.frame for task in tasks], trajectory.position)
-    errors = {}
-    for task in tasks:
-        rotation, origin = poses.at(task.frame)
-        errors[task.segment or task.frame] = np.asarray(
-            1e3 * np.linalg.norm(rotation @ task.offset + origin - task.value, axis=1)
-        )
     return errors
 
 

@@ -225,7 +225,8 @@ def _with_lead(motion: HumanMotion, options: ConvertOptions) -> tuple[HumanMotio
     led = timebase.cut(motion, first - LEAD_S, last + LEAD_S) if wanted.frames < motion.frames else wanted
     if options.rate_hz is not None:
         led = timebase.resample(led, options.rate_hz, anchor_s=first)
-    inside = np.flatnonzero((led.time >= first - 5e-7) & (led.time <= last + 5e-7))
+    slack = timebase.CLOCK_SLACK_S
+    inside = np.flatnonzero((led.time >= first - slack) & (led.time <= last + slack))
     return led, slice(int(inside[0]), int(inside[-1]) + 1)
 
 
@@ -299,10 +300,10 @@ def assembled(
         time=time_s,
         joint_names=model.joint_names,
         position=joints,
-        velocity=rate_of_change(time_s, joints),
+        velocity=timebase.rate_of_change(time_s, joints),
         base_position=position,
         base_orientation=orientation,
-        base_linear_velocity=None if position is None else rate_of_change(time_s, position),
+        base_linear_velocity=None if position is None else timebase.rate_of_change(time_s, position),
         base_angular_velocity=None if orientation is None else rotations.angular_velocity(time_s, orientation),
         status=status,
         base_frame=model.base_link,
@@ -340,11 +341,6 @@ def provenance(
 def calibration_sha256(motion: HumanMotion) -> str:
     """Hash of the motion's calibration as its file would be written, "" where it has none."""
     return "" if motion.calibration is None else hashlib.sha256(motion.calibration.to_json().encode()).hexdigest()
-
-
-def rate_of_change(time_s: Array, values: Array) -> Array:
-    """Central differences (T, k) of `values` per second: never beyond the largest step's rate, so limits that hold on steps hold here."""
-    return np.gradient(values, time_s, axis=0) if len(time_s) > 1 else np.zeros_like(values)
 
 
 def retarget_version() -> str:

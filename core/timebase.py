@@ -23,7 +23,7 @@ CLOCK_SLACK_S = 5e-7
 def cut(motion: HumanMotion, start: float | None, end: float | None) -> HumanMotion:
     """The frames with start ≤ time ≤ end (s, on the motion's own clock; None = open). The clock is kept.
 
-    Raises `MotionError` when no frame is left.
+    Raises `MotionError` when no frame is left, and `UsageError` for an end before the start.
     """
     if start is not None and end is not None and end < start:
         raise UsageError(f"end {end:g} s is before start {start:g} s")
@@ -67,7 +67,7 @@ def resample(motion: HumanMotion, rate_hz: float, anchor_s: float | None = None)
     """The motion at `rate_hz`, never beyond its first and last frame; one frame falls on `anchor_s`, a time in it (its first when None).
 
     Positions and angular velocities linearly, orientations along the shortest arc, contacts from the nearest frame.
-    Raises `UsageError` for a rate that is not positive and finite, and for an anchor outside the motion.
+    Raises `UsageError` for a rate that is not positive and finite or gives more frames than fit into memory, and for an anchor outside the motion.
     """
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise UsageError(f"rate {rate_hz:g} Hz; expected a positive number")
@@ -79,8 +79,10 @@ def resample(motion: HumanMotion, rate_hz: float, anchor_s: float | None = None)
 
 
 def on_grid(motion: HumanMotion, rate_hz: float, anchor: float) -> HumanMotion:
-    """As `resample`, at those times anchor + k / rate_hz, k whole, that are in the motion; `anchor` need not be. Parts of a motion get the
-    very same frames as the whole."""
+    """As `resample`, at those times anchor + k / rate_hz, k whole, that are in the motion; `anchor` need not be.
+
+    Parts of a motion get the very same frames as the whole. Raises `UsageError` for a rate that gives more frames than fit into memory.
+    """
     t = motion.time
     steps = float(t[-1] - t[0]) * rate_hz
     most = LARGEST_ARRAY_BYTES // motion.orientation[0].nbytes
@@ -144,6 +146,14 @@ def fill_gaps(
     else:
         x[missing] = x[left] + fraction[:, None] * (x[right] - x[left])
     return x, bad
+
+
+def rate_of_change(time: Array, values: Array) -> Array:
+    """Central differences (T, k) of `values` per second at `time` (T,) s, zero for a single frame.
+
+    Never beyond the largest step's rate: limits that hold on steps hold here.
+    """
+    return np.asarray(np.gradient(values, time, axis=0)) if len(time) > 1 else np.zeros_like(values)
 
 
 def minimum_jerk(fraction: ArrayLike) -> Array:

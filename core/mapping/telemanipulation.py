@@ -21,6 +21,7 @@ from retarget.core.mapping.priority_levels import priority_levels
 from retarget.core.mapping.relative_orientation import mapped_orientation
 from retarget.core.profile import LevelTask
 from retarget.core.robot_model import RobotModel
+from retarget.core.timebase import rate_of_change
 from retarget.core.types import Array, HumanMotion, Targets, Task
 
 
@@ -68,7 +69,7 @@ def _position_task(time: Array, hand: Array, wanted: LevelTask, level: int, arm:
         frame=arm.hand_link,
         kind="position",
         value=hand,
-        feed_forward=rate(time, hand),
+        feed_forward=rate_of_change(time, hand),
         level=level,
         segment=wanted.segment,
         offset=arm.hand,
@@ -109,18 +110,13 @@ def _direction_task(
         frame=link,
         kind="axis",
         value=pointing,
-        feed_forward=np.asarray(np.cross(pointing, rate(motion.time, pointing)), float),
+        feed_forward=np.asarray(np.cross(pointing, rate_of_change(motion.time, pointing)), float),
         level=level,
         segment=wanted.segment,
         axis=axis,
         gain=wanted.gain,
         weight=np.array(wanted.weight),
     )
-
-
-def rate(time: Array, values: Array) -> Array:
-    """Time derivative (T, 3) by central differences, zero for a single frame."""
-    return np.asarray(np.gradient(values, time, axis=0)) if len(time) > 1 else np.zeros_like(values)
 
 
 def _measured(motion: HumanMotion, segment: str) -> bool:

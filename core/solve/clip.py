@@ -135,9 +135,5 @@ def trimmed(solution: Solution, window: slice) -> Solution:
         iterations=solution.iterations[window],
     )
     if isinstance(part, HierarchicalSolution):
-        part = replace(
-            part,
-            level_residual=part.level_residual[window],
-            position_error_m={name: np.asarray(error[window]) for name, error in part.position_error_m.items()},
-        )
+        part = replace(part, level_residual=part.level_residual[window])
     return part

@@ -10,14 +10,13 @@ robot needs 5 s to get there from wherever it stood.)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
 import numpy as np
 from retarget.core import rotations
 from retarget.core.errors import SolverError
-from retarget.core.kinematics import Poses
 from retarget.core.robot_model import RobotModel
 from retarget.core.solve.cascade import Cascade, CascadeStep
 from retarget.core.solve.dynamical import Solution
@@ -79,7 +78,7 @@ class HierarchicalSolution(Solution):
     levels: the targets' level numbers, first to last. level_residual: (T, L) weighted norm of what each level's command velocities lacked
     in the last control step before a frame, m/s and rad/s together. levels_without_freedom: (L,) frames on which the higher levels left a level nothing.
     failed_levels: control steps in which a level's QP failed. slowed_frames: frames shortened because hands would have been too fast.
-    control_steps: in all, and first_steps of those to the first frame. position_error_m: (T,) of each frame with a position task.
+    control_steps: in all, and first_steps of those to the first frame.
     """
 
     levels: tuple[int, ...] = ()
@@ -89,7 +88,6 @@ class HierarchicalSolution(Solution):
     slowed_frames: int = 0
     control_steps: int = 0
     first_steps: int = 0
-    position_error_m: Mapping[str, Array] = field(default_factory=dict)
 
 
 def solve(
@@ -131,7 +129,6 @@ def solve(
         slowed_frames=record.slowed,
         control_steps=record.steps,
         first_steps=first_steps,
-        position_error_m=_position_errors(targets, model, record.joints),
     )
 
 
@@ -314,19 +311,6 @@ class HierarchicalSolver:
                 return share
             share *= (1.0 - 1e-6) / excess
         return 0.0
-
-
-def _position_errors(targets: Targets, model: RobotModel, joints: Array) -> dict[str, Array]:
-    """Frame → (T,) m between the point of its position task and where it should be."""
-    tasks = [task for task in targets.tasks if task.kind == "position"]
-    if not tasks:
-        return {}
-    poses = Poses.of(model, [task.frame for task in tasks], joints)
-    errors = {}
-    for task in tasks:
-        turn, origin = poses.at(task.frame)
-        errors[task.frame] = np.asarray(np.linalg.norm(turn @ task.offset + origin - task.value, axis=1))
-    return errors
 
 
 def _check_finite(targets: Targets, model: RobotModel) -> None:
