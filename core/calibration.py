@@ -28,6 +28,7 @@ POSE_NAMES = {"still": "Still pose", "tpose": "T-pose", "forward": "Forward pose
 """Pose → what messages call it."""
 
 LARGEST_NUMBER = 1e300
+"""JSON knows whole numbers of any size."""
 SCHEMA = "retarget.calibration/1"
 UNITS = "m, rad, s; quaternions wxyz; operator frame: X forward, Y left, Z up"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -139,8 +139,6 @@ def build(profile: RobotProfile, motion: HumanMotion | None = None) -> RobotMode
 
 
 def _with_limbs(model: RobotModel) -> RobotModel:
-    from dataclasses import replace
-
     return replace(
         model, limbs=find_limbs(model.pin_model, model.profile, model.configuration(model.reference_posture))
     )

@@ -2,13 +2,11 @@
 
 Three rules make the motion:
 
-* The pelvis is as high as the leg with the flat foot holds it, with that leg's knee on its normative curve; it is handed over
-from
-  leg to leg while the rear foot rises and the front foot lands (`pelvis`).
+* The pelvis is as high as the leg with the flat foot holds it, with that leg's knee on its normative curve; it is handed over from leg to leg
+  while the rear foot rises and the front foot lands (`pelvis`).
 * A planted foot is where its footprint says (`rockers`); the rest of its leg follows in closed form (`legs.solve`).
-* In swing each angle is its normative curve plus what takes the difference at toe-off to zero and builds up the difference at
-the
-  next heel strike, with equal velocity and acceleration at both.
+* In swing each angle is its normative curve plus what takes the difference at toe-off to zero and builds up the difference at the next heel
+  strike, with equal velocity and acceleration at both.
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ def matched(trajectory: JointTrajectory, model: RobotModel) -> JointTrajectory:
     """`trajectory` with the joints of `model`, in its order; the same object where that holds already.
 
     Joints that the model holds fixed are left out, with a warning in the provenance.
-    Raises `InvalidDataError` for joints that the robot lacks (naming the nearest), joints that are missing, a base that is
-    another link than the model's, and a base pose of a robot whose base is fixed elsewhere than where it stands.
+    Raises `InvalidDataError` for joints that the robot lacks (naming the nearest), for joints that are missing, and for a base pose, of a robot whose
+    base floats, that is another link's than the model's base.
     """
     names, wanted = trajectory.joint_names, model.joint_names
     if names == wanted and trajectory.base_frame == model.base_link:

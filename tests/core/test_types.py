@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from retarget.core import field_checks, report, types
 from retarget.core.errors import RetargetError
-from retarget.core.report import Check, ValidationReport
 from retarget.core.types import (
     FRAME_MARKED,
-    Array,
     HumanMotion,
     InvalidDataError,
     JointTrajectory,
@@ -24,74 +20,21 @@ from retarget.core.types import (
     TrackerRecording,
 )
 
-T = 4
-NAMES = ("Pelvis", "T8", "LeftFoot")
-
-
-def motion_fields() -> dict[str, Any]:
-    return {
-        "time": np.arange(T) / 60,
-        "segments": NAMES,
-        "orientation": np.tile([1.0, 0, 0, 0], (T, 3, 1)),
-        "position": np.arange(T * 9, dtype=float).reshape(T, 3, 3),
-        "angular_velocity": np.ones((T, 3, 3)),
-        "foot_contacts": np.zeros((T, 4), bool),
-        "measured": np.array([True, True, False]),
-        "joint_offsets": {"T8": np.array([0, 0, 0.4])},
-        "source": Source("memory", rate_hz=60),
-    }
-
-
-def recording_fields() -> dict[str, Any]:
-    return {
-        "time": np.arange(T) / 90,
-        "trackers": ("LHR-1", "waist"),
-        "orientation": np.tile([1.0, 0, 0, 0], (T, 2, 1)),
-        "position": np.ones((T, 2, 3)),
-        "tracked": np.ones((T, 2), bool),
-        "segments": {"waist": "Pelvis"},
-    }
-
-
-def trajectory_fields() -> dict[str, Any]:
-    return {
-        "time": np.arange(T) / 50,
-        "joint_names": ("hip", "knee"),
-        "position": np.ones((T, 2)),
-        "velocity": np.ones((T, 2)),
-        "base_position": np.ones((T, 3)),
-        "base_orientation": np.tile([1.0, 0, 0, 0], (T, 1)),
-        "base_linear_velocity": np.ones((T, 3)),
-        "base_angular_velocity": np.ones((T, 3)),
-        "status": np.array([0, 1, 0, 0]),
-        "provenance": {"input": "a"},
-    }
-
-
-def task_fields(kind: str = "orientation") -> dict[str, Any]:
-    value = {"orientation": [0.0, 1, 0, 0], "position": [5.0, 6, 7], "axis": [0.0, 0.6, 0.8]}[kind]
-    return {
-        "frame": "head",
-        "kind": kind,
-        "value": np.tile(value, (T, 1)),
-        "feed_forward": np.ones((T, 3)),
-        "weight": np.arange(T, dtype=float),
-        "offset": np.ones(3),
-        "axis": np.array([0.0, 1.0, 0.0]),
-    }
-
+from tests.core.type_fields import (
+    NAMES,
+    T,
+    changed,
+    motion_fields,
+    recording_fields,
+    task_fields,
+    trajectory_fields,
+)
 
 MAKERS: dict[type, Callable[[], dict[str, Any]]] = {
     HumanMotion: motion_fields,
     JointTrajectory: trajectory_fields,
     Task: task_fields,
 }
-
-
-def changed(values: Any, at: Any, value: float) -> Array:
-    array = np.array(values, float)
-    array[at] = value
-    return array
 
 
 def with_nan(name: str) -> Callable[[dict[str, Any]], dict[str, Any]]:
@@ -334,24 +277,6 @@ def test_targets_need_as_many_frames_in_every_task() -> None:
     assert Targets(np.arange(4.0), [Task(**task_fields())]).tasks[0].frame == "head"  # type: ignore[arg-type]
 
 
-class TestQuaternionChecksInChunks:
-    """Long clips are checked piece by piece: nothing may slip through at the seams."""
-
-    @pytest.mark.parametrize("frame", [1, 9, 10, 11, 19, 20, 21, 24])
-    def test_every_frame_is_seen(self, monkeypatch: pytest.MonkeyPatch, frame: int) -> None:
-        monkeypatch.setattr(field_checks, "CHUNK_FRAMES", 10)
-        quaternion = np.tile([1.0, 0, 0, 0], (25, 2, 1))
-        field_checks.check_unit_quaternions("q", quaternion)
-        flipped = quaternion.copy()
-        flipped[frame:, 1] *= -1
-        with pytest.raises(InvalidDataError, match=rf"^q: found a sign flip at \({frame}, 1\)"):
-            field_checks.check_unit_quaternions("q", flipped)
-        long = quaternion.copy()
-        long[frame, 1] *= 1.01
-        with pytest.raises(InvalidDataError, match=rf"^q: found length 1\.01 at \({frame}, 1\)"):
-            field_checks.check_unit_quaternions("q", long)
-
-
 class TestWhatIsAllowed:
     def test_untracked_segments_are_nan_throughout(self) -> None:
         fields = motion_fields()
@@ -429,207 +354,6 @@ class TestReading:
             motion.index("LeftToe")
         with pytest.raises(InvalidDataError, match=r"^the motion has no segment 'Q'; it has Pelvis, T8, LeftFoot$"):
             motion.index("Q")
-
-
-def all_types() -> list[Any]:
-    task = Task(**task_fields())
-    check = Check("a", 1.0, "m", 2.0, True)
-    return [
-        Source("mvnx"),
-        HumanMotion(**motion_fields()),
-        TrackerRecording(**recording_fields()),
-        task,
-        Targets(np.arange(4.0), (task,)),
-        JointTrajectory(**trajectory_fields()),
-        check,
-        ValidationReport("walk", (check,), {"error": np.ones(3)}),
-    ]
-
-
-def arrays_of(thing: Any) -> Iterator[tuple[str, Array]]:
-    for field in dataclasses.fields(thing):
-        value = getattr(thing, field.name)
-        if isinstance(value, np.ndarray):
-            yield field.name, value
-        elif hasattr(value, "items"):
-            yield from ((f"{field.name}[{key}]", v) for key, v in value.items() if isinstance(v, np.ndarray))
-
-
-class TestFrozen:
-    def test_every_dataclass_of_the_modules_is_frozen_and_in_this_test(self) -> None:
-        classes = {
-            c
-            for module in (types, report)
-            for c in vars(module).values()
-            if dataclasses.is_dataclass(c) and c.__module__ == module.__name__
-        }
-        assert classes == {type(thing) for thing in all_types()}
-        for thing in all_types():
-            name = dataclasses.fields(thing)[0].name
-            with pytest.raises(dataclasses.FrozenInstanceError):
-                setattr(thing, name, getattr(thing, name))
-
-    def test_no_array_and_no_mapping_can_be_written_to(self) -> None:
-        seen = 0
-        for thing in all_types():
-            for name, array in arrays_of(thing):
-                seen += 1
-                assert array.flags.c_contiguous, name
-                with pytest.raises(ValueError, match="read-only"):
-                    array[...] = 0
-            for name in ("options", "joint_offsets", "provenance", "series"):
-                if hasattr(thing, name):
-                    with pytest.raises(TypeError, match="does not support item assignment"):
-                        getattr(thing, name)["new"] = 1
-        assert seen >= 20
-
-    def test_motions_compare_by_identity(self) -> None:
-        """Comparing arrays for equality has no single truth; it must not raise where a set or a cache compares."""
-        one, other = HumanMotion(**motion_fields()), HumanMotion(**motion_fields())
-        assert one == one
-        assert one != other
-        assert len({one, other}) == 2
-
-
-class Wrapped:
-    """Foreign data that hands out its own memory, as tensors and columns of tables do."""
-
-    def __init__(self, data: Array) -> None:
-        self.data = data
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
-        return self.data
-
-
-def owner(position: Array) -> tuple[Any, Array]:
-    return position, position
-
-
-def view(position: Array) -> tuple[Any, Array]:
-    return position[:], position
-
-
-def read_only_view(position: Array) -> tuple[Any, Array]:
-    given = position[:]
-    given.flags.writeable = False
-    return given, position
-
-
-def view_of_read_only_view(position: Array) -> tuple[Any, Array]:
-    return read_only_view(position)[0][:], position
-
-
-def broadcast(position: Array) -> tuple[Any, Array]:
-    return np.broadcast_to(position, position.shape), position
-
-
-def memory_view(position: Array) -> tuple[Any, Array]:
-    return memoryview(position), position
-
-
-def read_only_buffer(position: Array) -> tuple[Any, Array]:
-    buffer = bytearray(position.tobytes())
-    given = np.frombuffer(memoryview(buffer).toreadonly()).reshape(position.shape)
-    return given, np.frombuffer(buffer).reshape(position.shape)
-
-
-def foreign(position: Array) -> tuple[Any, Array]:
-    return Wrapped(position), position
-
-
-def subclass(position: Array) -> tuple[Any, Array]:
-    return position.view(np.recarray), position
-
-
-class TestWhoOwnsTheMemory:
-    @pytest.mark.parametrize(
-        "handed_over",
-        [
-            owner,
-            view,
-            read_only_view,
-            view_of_read_only_view,
-            broadcast,
-            memory_view,
-            read_only_buffer,
-            foreign,
-            subclass,
-        ],
-    )
-    def test_what_the_caller_changes_later_does_not_change_the_motion(
-        self, handed_over: Callable[[Array], tuple[Any, Array]]
-    ) -> None:
-        fields = motion_fields()
-        given, caller = handed_over(fields["position"].copy())
-        motion = HumanMotion(**{**fields, "position": given})
-        caller[0, 0, 0] = 99.0  # and the caller may still write
-        assert motion.position[0, 0, 0] == 0.0
-
-    def test_a_weight_too(self) -> None:
-        weight = np.ones(1)
-        task = Task(**{**task_fields(), "weight": weight})
-        weight[0] = 5
-        assert task.weight.tolist() == [1.0] * T
-
-    def test_mappings_too(self) -> None:
-        fields = {**motion_fields(), "joint_offsets": {"T8": np.zeros(3)}}
-        motion = HumanMotion(**fields)
-        fields["joint_offsets"]["Head"] = np.zeros(3)
-        fields["joint_offsets"]["T8"][0] = 9
-        assert list(motion.joint_offsets) == ["T8"]
-        assert motion.joint_offsets["T8"][0] == 0
-        series = {"error": np.zeros(3)}
-        found = ValidationReport("walk", (), series)
-        series["error"][0] = 9
-        assert found.series["error"][0] == 0
-
-    def test_what_nobody_can_write_to_is_shared_not_copied(self) -> None:
-        fields = motion_fields()
-        fields["orientation"] = fields["orientation"].copy()
-        fields["orientation"].flags.writeable = False
-        motion = HumanMotion(**fields)
-        assert motion.orientation is fields["orientation"]
-        assert np.shares_memory(dataclasses.replace(motion, time=motion.time + 1).position, motion.position)
-        part = dataclasses.replace(
-            motion,
-            time=motion.time[1:],
-            orientation=motion.orientation[1:],
-            position=motion.position[1:],
-            angular_velocity=None,
-            foot_contacts=None,
-        )
-        assert np.shares_memory(part.orientation, motion.orientation)
-        text = np.frombuffer(np.arange(4.0).tobytes())
-        assert np.shares_memory(Targets(text, ()).time, text)
-
-    def test_other_layouts_and_number_types_become_the_houses_own(self) -> None:
-        fields = motion_fields()
-        values = fields["position"].astype(np.float32)
-        motion = HumanMotion(**{**fields, "position": np.asfortranarray(values), "time": [0, 1, 2, 3]})
-        assert motion.position.dtype == np.float64
-        assert motion.position.flags.c_contiguous
-        assert np.array_equal(motion.position, values)
-        assert motion.time.dtype == np.float64
-
-
-class TestReports:
-    def test_a_report_passes_unless_a_check_failed(self) -> None:
-        good, bad = Check("a", 1, "m", 2, True), Check("b", 3, "m", 2, False)
-        unknown = Check("c", None, "m", None, None, "no feet")
-        assert ValidationReport("s", (good, unknown)).passed
-        assert not ValidationReport("s", (good, bad, unknown)).passed
-
-    def test_numpys_own_false_fails_too(self) -> None:
-        """`np.False_ is False` does not hold: a comparison of NumPy numbers must not slip through as passed."""
-        value = np.float64(3)
-        check = Check("b", value, "m", 2.0, value < 2.0)
-        assert not ValidationReport("s", (check,)).passed
-        assert check.passed is False
-        assert type(check.value) is float
-
-    def test_checks_may_come_as_a_list(self) -> None:
-        found = ValidationReport("s", [Check("a", 1, "m", 2, True)])  # type: ignore[arg-type]
-        assert isinstance(found.checks, tuple)
 
 
 class TestTrackerRecording:
