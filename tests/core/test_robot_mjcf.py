@@ -4,49 +4,20 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from retarget import robots
-from retarget.core import pipeline, robot_model, rotations
+from retarget.core import robot_model
 from retarget.core.errors import ProfileError
-from retarget.core.profile import ModelSource, RobotProfile
-from retarget.core.replay import kinematic
 from retarget.core.replay import model as replay_model
-from retarget.core.replay.shapes import shapes_of
-from retarget.core.robot_model import RobotModel
 from retarget.core.robot_urdf import CONTINUOUS_LIMIT_RAD
-from retarget.formats import read_motion
+
+from tests.core.mjcf_robots import arm, built, numbers, profile_of
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-
-
-def numbers(values: Any) -> str:
-    return " ".join(repr(float(v)) for v in np.ravel(values))
-
-
-def profile_of(path: Path, **changed: Any) -> RobotProfile:
-    facts: dict[str, Any] = {
-        "name": "robot",
-        "description": "",
-        "model": ModelSource("file", str(path)),
-        "base": "fixed",
-        "links": {},
-        "origin": "robot.toml",
-        "default_velocity_limit": 10.0,
-    }
-    return RobotProfile(**{**facts, **changed})
-
-
-def built(folder: Path, text: str, **changed: Any) -> RobotModel:
-    path = folder / "robot.xml"
-    path.write_text(text, encoding="utf-8")
-    return robot_model.build(profile_of(path, **changed))
 
 
 def random_tree(seed: int) -> str:
@@ -157,22 +128,6 @@ def test_the_random_trees_hold_what_they_are_for() -> None:
     assert {joint.get("type") for joint in joints} == {"hinge", "slide"}
 
 
-ARM = """<mujoco model="arm"><compiler angle="radian"/>
-  <worldbody><body name="base" pos="0 0 1"><geom size="0.1" mass="1"/>
-    <body name="link" pos="0.1 0 0">
-      <joint name="one" axis="0 0 1" range="-1 2" {one}/>
-      <joint name="two" axis="0 1 0" range="-1 2" armature="0.25"/>
-      <geom name="g" type="capsule" size="0.05 0.2" pos="0 0 0.2" mass="1"/>
-      {more}
-    </body></body></worldbody>
-  {sections}
-</mujoco>"""
-
-
-def arm(one: str = "", more: str = "", sections: str = "") -> str:
-    return ARM.format(one=one, more=more, sections=sections)
-
-
 def test_links_between_carry_the_names_of_body_and_joint(tmp_path: Path) -> None:
     root = ET.fromstring(built(tmp_path, arm(one='pos="0 0 0.1"')).urdf)
     assert [link.get("name") for link in root.findall("link")] == ["base", "link", "link_one"]
@@ -233,69 +188,6 @@ def test_the_robot_is_the_part_of_the_scene_that_has_joints(tmp_path: Path) -> N
     assert robot.warnings == ("2 × body of the scene without joints, left out: table, ball",)
 
 
-def test_shapes_by_group_and_contact_type(tmp_path: Path) -> None:
-    more = """<geom type="box" size="1 2 3" group="3" mass="0"/>
-      <geom type="sphere" size="0.4" contype="0" conaffinity="0" mass="0"/>
-      <geom type="sphere" size="0.5" contype="0" conaffinity="0" group="4" mass="0"/>
-      <geom type="ellipsoid" size="0.5 1 1" mass="0"/>
-      <geom type="cylinder" size="0.3 0.6" euler="0 1.5707963267948966 0" pos="1 0 0" group="3" mass="0"/>"""
-    robot = built(tmp_path, arm(more=more))
-    shapes = [shape for shape in shapes_of(robot, visuals=True)[0] if shape.link == "link"]
-    solid = [(shape.kind, shape.size) for shape in shapes if shape.solid]
-    seen = [(shape.kind, shape.size) for shape in shapes if not shape.solid]
-    capsule = [("cylinder", (0.05, 0.2)), ("sphere", (0.05,)), ("sphere", (0.05,))]
-    assert solid == [*capsule, ("box", (1.0, 2.0, 3.0)), ("cylinder", (0.3, 0.6))]
-    assert seen == [*capsule, ("sphere", (0.4,))]
-    ends = [shape.origin.tolist() for shape in shapes if shape.solid and shape.kind == "sphere"]
-    np.testing.assert_allclose(ends, [[0, 0, 0], [0, 0, 0.4]], atol=1e-15)
-    lying = next(shape for shape in shapes if shape.size == (0.3, 0.6))
-    np.testing.assert_allclose(lying.rotation[:, 2], [1, 0, 0], atol=1e-12)
-    assert robot.warnings == ("1 × geom of type ellipsoid, left out: link",)
-
-
-TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
-
-
-@pytest.mark.parametrize(
-    "asset", ['scale="0.1 0.2 -0.3"', 'refpos="1 2 3" refquat="1 1 0 0" scale="2 2 2"', 'refpos="1 2 3" scale="1 2 3"']
-)
-def test_mesh_files_stand_where_mujoco_puts_their_vertices(asset: str, tmp_path: Path) -> None:
-    (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "part.obj").write_text(TETRAHEDRON, encoding="utf-8")
-    text = arm(
-        more='<geom type="mesh" mesh="part" pos="0.1 0.2 0.3" euler="0.1 0.2 0.3" mass="1"/>',
-        sections=f'<asset><mesh file="part.obj" {asset}/><texture name="t" type="2d" file="gone.png"/></asset>',
-    ).replace("<compiler", '<compiler meshdir="parts"')
-    robot = built(tmp_path, text)
-    shapes, lost = shapes_of(robot)
-    (mesh,) = (shape for shape in shapes if shape.kind == "mesh")
-    assert (lost, mesh.mesh) == ([], (tmp_path / "parts" / "part.obj").resolve())
-    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], float) * mesh.scale
-    found = vertices @ mesh.rotation.T + mesh.origin
-    spec = mujoco.MjSpec.from_string(
-        text.replace(' file="gone.png"', ' builtin="flat" width="8" height="8"'),
-        assets={"parts/part.obj": TETRAHEDRON.encode()},
-    )
-    mj = spec.compile()
-    geom = mj.ngeom - 1
-    turn = rotations.to_matrix(mj.geom_quat[geom])
-    expected = mj.mesh_vert @ turn.T + mj.geom_pos[geom]
-    for vertex in found:
-        assert np.linalg.norm(expected - vertex, axis=1).min() < 1e-6  # MuJoCo keeps vertices as float32
-
-
-@pytest.mark.parametrize("kind", ["mesh", "capsule"])
-def test_a_missing_mesh_is_left_out_with_a_warning(kind: str, tmp_path: Path) -> None:
-    text = arm(
-        more='<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>' + f'<geom type="{kind}" mesh="gone"/>',
-        sections='<asset><mesh file="gone.stl"/></asset>',
-    )
-    robot = built(tmp_path, text)
-    assert shapes_of(robot)[1] == ["1 × mesh not found (collision): gone.stl"]
-    replay = replay_model.build(robot, base="fixed", cache=tmp_path)
-    assert replay.warnings == ("1 × mesh not found (collision): gone.stl",)
-
-
 def test_what_urdf_has_no_word_for_is_told(tmp_path: Path) -> None:
     text = arm(one='stiffness="3"', sections='<equality><joint name="couple" joint1="one" joint2="two"/></equality>')
     robot = built(tmp_path, text)
@@ -311,11 +203,6 @@ def test_a_robot_on_the_ground_itself_is_simulated(tmp_path: Path) -> None:
     assert robot.base_link == "world"
     replay = replay_model.build(robot, base="fixed", cache=tmp_path)
     np.testing.assert_allclose(replay.mj.body_pos[replay.body_of_link["bar"]], [0, 0, 1])
-
-
-def test_a_missing_mesh_of_the_scene_does_not_matter(tmp_path: Path) -> None:
-    scene = '<asset><mesh file="hall.obj"/></asset><worldbody><geom type="mesh" mesh="hall"/></worldbody>'
-    assert built(tmp_path, arm(sections=scene)).warnings == ()
 
 
 def test_what_the_compiler_warns_of_is_told_and_leaves_no_file(
@@ -356,103 +243,3 @@ def test_bad_mjcf_is_one_line(text: str, told: str, tmp_path: Path) -> None:
     with pytest.raises(ProfileError, match=rf"^robot\.toml, \[(model|limits)\]: {told}") as caught:
         built(tmp_path, text)
     assert "\n" not in str(caught.value)
-
-
-def as_mjcf(replay: Any) -> str:
-    """A compiled model written with all digits, which MuJoCo's own writer doesn't; links that were merged stand as bodies without mass."""
-    mj, robot = replay.mj, replay.robot
-    root = ET.Element("mujoco", {"model": "twin"})
-    ET.SubElement(root, "compiler", {"angle": "radian", "autolimits": "true"})
-    elements = {0: ET.SubElement(root, "worldbody")}
-    geom_kinds = {
-        int(kind): kind.name.removeprefix("mjGEOM_").lower()
-        for kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER)
-    }
-    for b in range(1, mj.nbody):
-        placed = {"pos": numbers(mj.body_pos[b]), "quat": numbers(mj.body_quat[b])}
-        body = elements[b] = ET.SubElement(elements[mj.body_parentid[b]], "body", {"name": mj.body(b).name, **placed})
-        inertial = {
-            "pos": numbers(mj.body_ipos[b]),
-            "quat": numbers(mj.body_iquat[b]),
-            "mass": numbers(mj.body_mass[b]),
-        }
-        ET.SubElement(body, "inertial", {**inertial, "diaginertia": numbers(mj.body_inertia[b])})
-        for j in range(mj.body_jntadr[b], mj.body_jntadr[b] + mj.body_jntnum[b]):
-            if mj.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE:
-                ET.SubElement(body, "freejoint")
-                continue
-            dof, facts = mj.jnt_dofadr[j], {"name": mj.joint(j).name, "axis": numbers(mj.jnt_axis[j])}
-            for key, value in (
-                ("armature", mj.dof_armature),
-                ("damping", mj.dof_damping),
-                ("frictionloss", mj.dof_frictionloss),
-            ):
-                facts[key] = numbers(value[dof])
-            ET.SubElement(body, "joint", {**facts, "range": numbers(mj.jnt_range[j])})
-        for g in range(mj.body_geomadr[b], mj.body_geomadr[b] + mj.body_geomnum[b]):
-            placed = {
-                "pos": numbers(mj.geom_pos[g]),
-                "quat": numbers(mj.geom_quat[g]),
-                "size": numbers(mj.geom_size[g]),
-            }
-            ET.SubElement(body, "geom", {"type": geom_kinds[int(mj.geom_type[g])], "group": "3", **placed})
-    for link, b in replay.body_of_link.items():
-        if link != mj.body(b).name:
-            _, turn, origin = robot.link_in_joint(link)
-            placed = {"pos": numbers(origin), "quat": numbers(rotations.from_matrix(turn))}
-            ET.SubElement(elements[b], "body", {"name": link, **placed})
-    actuator = ET.SubElement(root, "actuator")
-    for a in range(mj.nu):
-        force = {"forcelimited": "true", "forcerange": numbers(mj.actuator_forcerange[a])}
-        ET.SubElement(actuator, "motor", {"joint": mj.joint(mj.actuator_trnid[a, 0]).name, **force})
-    return ET.tostring(root, encoding="unicode")
-
-
-@pytest.fixture(scope="module")
-def twins(build_robot: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any]:
-    """TOCABI, and TOCABI from what MuJoCo made of it, each as replay model with self-collision."""
-    folder = tmp_path_factory.mktemp("twin")
-    tocabi = build_robot("tocabi")
-    original = replay_model.build(tocabi, base="floating", floor=True, self_collision=True, cache=folder)
-    (folder / "tocabi.xml").write_text(as_mjcf(original), encoding="utf-8")
-    speeds = "".join(
-        f"{name} = {{ velocity_rad_s = {speed!r} }}\n"
-        for name, speed in zip(tocabi.joint_names, tocabi.velocity_limit.tolist(), strict=True)
-    )
-    (folder / "twin.toml").write_text(
-        f'extends = "tocabi"\n[model]\nfile = "tocabi.xml"\n[limits.joints]\n{speeds}', encoding="utf-8"
-    )
-    twin = robot_model.build(robots.load(str(folder / "twin.toml")))
-    return original, replay_model.build(twin, base="floating", floor=True, self_collision=True, cache=folder)
-
-
-def test_tocabi_from_mjcf_is_tocabi(twins: tuple[Any, Any]) -> None:
-    original, twin = twins
-    assert twin.robot.warnings == ()
-    assert twin.robot.joint_names == original.robot.joint_names
-    for field in ("lower", "upper", "velocity_limit", "reference_posture", "mass_kg"):
-        np.testing.assert_allclose(
-            getattr(twin.robot, field), getattr(original.robot, field), rtol=1e-12, err_msg=field
-        )
-    for field in ("torque_limit_nm", "armature", "friction_nm", "damping_nms_rad"):
-        np.testing.assert_allclose(getattr(twin, field), getattr(original, field), rtol=1e-12, err_msg=field)
-    assert twin.excluded == original.excluded
-    assert twin.mj.ngeom == original.mj.ngeom
-    np.testing.assert_allclose(twin.mj.geom_pos, original.mj.geom_pos, atol=1e-12)
-    np.testing.assert_allclose(twin.mj.body_inertia, original.mj.body_inertia, rtol=1e-9)
-
-
-def test_a_clip_on_tocabi_from_mjcf_moves_and_passes_alike(twins: tuple[Any, Any]) -> None:
-    motion = read_motion(str(files("retarget.samples") / "reach.mvnx.gz"))
-    original, twin = twins
-    options = pipeline.ConvertOptions(start_s=0.0, end_s=2.0)
-    expected = pipeline.convert(motion, original.robot, options).trajectory
-    found = pipeline.convert(motion, twin.robot, options).trajectory
-    np.testing.assert_allclose(found.position, expected.position, atol=1e-6)
-    np.testing.assert_allclose(found.base_position, expected.base_position, atol=1e-6)
-    reports = [
-        kinematic.check(trajectory, replay, motion=motion)
-        for trajectory, replay in ((expected, original), (found, twin))
-    ]
-    assert [check.passed for check in reports[1].checks] == [check.passed for check in reports[0].checks]
-    assert reports[1].passed

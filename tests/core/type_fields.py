@@ -8,6 +8,7 @@ import numpy as np
 from retarget.core.types import Array, Source
 
 T = 4
+"""Frames of all of them."""
 NAMES = ("Pelvis", "T8", "LeftFoot")
 
 
