@@ -27,6 +27,10 @@ _CHAINS = tuple(
 
 ALONG_BONE_WEIGHT = 1e-6
 """What an axis along the bone still counts: it settles where on a hinge's axis the centre lies, and moves nothing off that axis."""
+SHORTEST_BONE_M = 1e-3
+"""Joint centres nearer than this are one: no bone lies between them."""
+ALONG_BONE = 1.0 - 1e-6
+"""Squared cosine from which on an axis runs along a bone, and turning about it bends nothing."""
 UNDECIDED = 1e-9
 """A direction in which all axes together count less than this is left to the guess."""
 
@@ -64,7 +68,7 @@ class _Axis:
 def find_limbs(model: Any, profile: RobotProfile, reference: Array) -> dict[str, Limb]:
     """Every limb of `profile.links` that has both ends, measured at pinocchio configuration `reference` (an approximate T-pose).
 
-    Raises `ProfileError` where two mapped links of a limb coincide or do not follow each other in the tree.
+    Raises `ProfileError` where two mapped links of a limb coincide or do not follow each other in the tree, and where a bone has no length.
     """
     import pinocchio as pin
 
@@ -89,6 +93,12 @@ def find_limbs(model: Any, profile: RobotProfile, reference: Array) -> dict[str,
         ]
         tip = None if tip_link is None else np.array(data.oMf[link_frame(model, tip_link)].translation)
         centres = _centres(groups, tip)
+        for segment, length in zip((upper, lower), _lengths(centres), strict=False):
+            if not length >= SHORTEST_BONE_M:
+                raise ProfileError(
+                    profile.origin or profile.name, f"{segment} has no length: the joints on either side of it have one centre", place="[links]",
+                    expected="links with a bone between their joints",
+                )  # fmt: skip
         flexion = _flexion_axis(model, reference, groups[1], centres)
         for segment, ends in ((upper, centres[0:2]), (lower, centres[1:3])):
             if len(ends) == 2:
@@ -128,9 +138,16 @@ def _centres(groups: list[list[_Axis]], tip: Array | None) -> list[Array]:
     last = [] if tip is None else [tip]
     centres = [np.mean([axis.origin for axis in group], axis=0) for group in groups]
     for _ in range(3):  # bones depend on the centres and the centres on the bones: settles in two rounds
+        if min(_lengths(centres + last), default=np.inf) < SHORTEST_BONE_M:
+            break  # for the caller to refuse
         bones = [(b - a) / np.linalg.norm(b - a) for a, b in pairwise(centres + last)]
         centres = [_centre(groups, centres + last, bones, i) for i in range(len(groups))]
     return centres + last
+
+
+def _lengths(centres: list[Array]) -> list[float]:
+    """m, between each centre and the next."""
+    return [float(np.linalg.norm(b - a)) for a, b in pairwise(centres)]
 
 
 def _centre(groups: list[list[_Axis]], centres: list[Array], bones: list[Array], i: int) -> Array:
@@ -170,9 +187,11 @@ def _along(axis: _Axis, bone: Array | None) -> float:
 def _flexion_axis(model: Any, reference: Array, hinge: list[_Axis], centres: list[Array]) -> Array | None:
     """World direction (3,) about which the limb flexes, or None unless exactly one joint with a lopsided range bends it.
 
-    The joint's range counted from the straight limb: the longer side flexes.
+    The joint's range counted from the straight limb: the longer side flexes. A joint along either bone twists it, and bends nothing.
     """
     if len(hinge) != 1 or len(centres) < 3:
+        return None
+    if any(_along(hinge[0], (b - a) / np.linalg.norm(b - a)) > ALONG_BONE for a, b in pairwise(centres[:3])):
         return None
     axis = hinge[0].direction
     across = np.eye(3) - np.outer(axis, axis)

@@ -200,6 +200,42 @@ def test_links_that_do_not_follow_each_other_outward(links: dict[str, str]) -> N
         limbs(urdf(), profile(links=links))
 
 
+def straight_arm(elbow_m: float, wrist_m: float, axis: str) -> str:
+    """Three joints along +y, the first in the base; the elbow turns about `axis`."""
+    text = "<link name='base'/>"
+    for joint, parent, child, ahead, about in (
+        ("shoulder", "base", "upper", 0.2, "0 0 1"),
+        ("elbow", "upper", "lower", elbow_m, axis),
+        ("wrist", "lower", "hand", wrist_m, "1 0 0"),
+    ):
+        text += (
+            f"<link name='{child}'/><joint name='{joint}' type='revolute'><parent link='{parent}'/><child link='{child}'/>"
+            f"<origin xyz='0 {ahead} 0'/><axis xyz='{about}'/><limit lower='-2.3' upper='0.2' velocity='1' effort='1'/></joint>"
+        )
+    return f"<robot name='straight_arm'>{text}</robot>"
+
+
+def arm_profile() -> RobotProfile:
+    return profile(links={"LeftUpperArm": "upper", "LeftForeArm": "lower", "LeftHand": "hand"})
+
+
+@pytest.mark.parametrize(
+    ("elbow_m", "wrist_m", "bone"), [(0.0, 0.3, "LeftUpperArm"), (0.3, 0.0, "LeftForeArm"), (0.0, 0.0, "LeftUpperArm")]
+)
+def test_a_bone_without_length_is_refused(elbow_m: float, wrist_m: float, bone: str) -> None:
+    with pytest.raises(ProfileError, match=rf"^x, \[links\]: {bone} has no length: .*; expected links with a bone"):
+        limbs(straight_arm(elbow_m, wrist_m, "0 0 1"), arm_profile())
+
+
+def test_a_joint_along_the_bone_is_no_hinge() -> None:
+    """Turning about it twists the arm and bends nothing: there is no plane to take a hinge's direction from, least of all NaN."""
+    for limb, _ in limbs(straight_arm(0.3, 0.25, "0 1 0"), arm_profile()).values():
+        assert (limb.hinge, limb.rotation) == (None, None)
+        np.testing.assert_allclose(limb.bone, [0.0, 1.0, 0.0], atol=1e-9)
+    hinge, _ = limbs(straight_arm(0.3, 0.25, "0 0 1"), arm_profile())["LeftUpperArm"]
+    np.testing.assert_allclose(hinge.rotation, np.eye(3), atol=1e-9)
+
+
 # --- every robot ------------------------------------------------------------------------------------------------------
 
 
