@@ -13,7 +13,7 @@ BINS_PER_DEGREE = 200
 
 
 class Distribution:
-    """Errors in degrees, 0 to 180: their mean and largest exactly, percentiles to 1 / `BINS_PER_DEGREE`."""
+    """Errors in degrees, 0 to 180: their mean and largest exactly, percentiles to half of 1 / `BINS_PER_DEGREE`."""
 
     def __init__(self) -> None:
         self._counts = np.zeros(180 * BINS_PER_DEGREE + 1, np.int64)
@@ -32,7 +32,7 @@ class Distribution:
         if not count:
             return {"mean": None, "p95": None, "max": None}
         at = int(np.searchsorted(np.cumsum(self._counts), 0.95 * count))
-        return {"mean": self._sum / count, "p95": (at + 0.5) / BINS_PER_DEGREE, "max": self._max}
+        return {"mean": self._sum / count, "p95": min((at + 0.5) / BINS_PER_DEGREE, self._max), "max": self._max}
 
 
 class RunningMetrics:

@@ -16,11 +16,20 @@ def test_a_distribution() -> None:
     figures = found.figures()
     assert figures["mean"] == pytest.approx(errors.mean(), rel=1e-12)
     assert figures["max"] == errors.max()
-    assert figures["p95"] == pytest.approx(np.percentile(errors, 95), abs=1 / BINS_PER_DEGREE + 0.02)
+    expected = np.percentile(errors, 95, method="inverted_cdf")
+    assert figures["p95"] == pytest.approx(expected, abs=0.5 / BINS_PER_DEGREE + 1e-12)
     assert Distribution().figures() == {"mean": None, "p95": None, "max": None}
     straight = Distribution()
     straight.add(np.array([180.0, 0.0]))
     assert straight.figures()["max"] == 180.0
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1e-4, 180.0])
+def test_no_percentile_is_above_the_largest(degrees: float) -> None:
+    """Errors that are all the same, and smaller than half a bin."""
+    found = Distribution()
+    found.add(np.full(10, degrees))
+    assert found.figures() == {"mean": pytest.approx(degrees), "p95": degrees, "max": degrees}
 
 
 def test_blocks_of_other_lengths() -> None:
