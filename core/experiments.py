@@ -65,12 +65,10 @@ def find_circle(time: Array, points: Array) -> tuple[float, float] | None:
     moving = speed > SLOWEST * np.percentile(speed, 95)
     turned, begin, end = 0.0, 0, 0
     for way in (1.0, -1.0):
-        drawing = np.concatenate([[False], moving & (way * turning > 0), [False]])
-        changes = np.flatnonzero(np.diff(drawing.astype(int)))
-        for first, stop in zip(changes[::2], changes[1::2], strict=True):
-            angle = abs(float(heading[stop - 1] - heading[first]))
+        for first, last in timebase.runs(moving & (way * turning > 0)):
+            angle = abs(float(heading[last] - heading[first]))
             if angle > turned:
-                turned, begin, end = angle, int(first), int(stop)
+                turned, begin, end = angle, first, last + 1
     if turned < LEAST_TURNS * 2 * np.pi:
         return None
     progress = np.abs(heading[begin:end] - heading[begin])

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from retarget.core import contacts, rotations
+from retarget.core import contacts, rotations, timebase
 from retarget.core.segments import FOOT_CONTACTS
 from retarget.core.types import Array, BoolArray, HumanMotion, TrackerRecording
 
@@ -169,8 +169,7 @@ def arm_poses(motion: HumanMotion) -> dict[str, list[Span]]:
 
 def spans(time: Array, mask: BoolArray) -> list[Span]:
     """(first, last) time of each run of true values in `mask` (T,)."""
-    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
-    return [(float(time[start]), float(time[stop - 1])) for start, stop in edges.tolist()]
+    return [(float(time[first]), float(time[last])) for first, last in timebase.runs(mask)]
 
 
 def _turn_speeds(motion: HumanMotion) -> Array:

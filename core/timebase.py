@@ -10,11 +10,11 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from retarget.core import rotations
 from retarget.core.errors import MotionError, UsageError
 from retarget.core.field_checks import LARGEST_ARRAY_BYTES
-from retarget.core.types import Array, HumanMotion
+from retarget.core.types import Array, BoolArray, HumanMotion
 
 CLOCK_SLACK_S = 5e-7
 """Frame times carry rounding (index / rate): this much slack keeps "--end 2" from losing the frame at 2 s."""
@@ -113,7 +113,7 @@ def on_grid(motion: HumanMotion, rate_hz: float, anchor: float) -> HumanMotion:
 
 def fill_gaps(
     time: ArrayLike, values: ArrayLike, *, longest_s: float, quaternions: bool = False
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, BoolArray]:
     """Values (T, k) with their non-finite rows interpolated, and which rows (T,) were filled.
 
     A row counts as missing when any of its k numbers is not finite. Vectors are interpolated linearly, quaternions (k = 4) along the
@@ -146,6 +146,12 @@ def fill_gaps(
     else:
         x[missing] = x[left] + fraction[:, None] * (x[right] - x[left])
     return x, bad
+
+
+def runs(mask: BoolArray) -> list[tuple[int, int]]:
+    """(first, last) index of every run of true values in `mask` (T,)."""
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
+    return [(start, stop - 1) for start, stop in edges.tolist()]
 
 
 def rate_of_change(time: Array, values: Array) -> Array:

@@ -16,6 +16,9 @@ from retarget.core.types import Array
 Jet = tuple[Array, Array, Array]
 """Value, first and second time derivative at one instant, each of shape (k,)."""
 
+Keys = Sequence[tuple[float, float]]
+"""(time in s, value): rests between which something moves."""
+
 
 def periodic(values: Sequence[float], harmonics: int = 8) -> Callable[[Array], Array]:
     """The trigonometric polynomial through equally spaced `values` of one cycle (the first at phase 0), cut after `harmonics`.
@@ -84,7 +87,7 @@ def zero(size: int) -> Jet:
     return np.zeros(size), np.zeros(size), np.zeros(size)
 
 
-def keyed(time: Array, keys: Sequence[tuple[float, float]]) -> Array:
+def keyed(time: Array, keys: Keys) -> Array:
     """A number (T,) that rests at each of `keys` (time in s, value) and moves between neighbours with minimum jerk."""
     total = np.full(np.shape(time), keys[0][1], float)
     for (start, value), (end, following) in pairwise(keys):

@@ -6,7 +6,6 @@ down) and T-pose. The legs follow the pelvis in closed form.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,11 +13,9 @@ import numpy as np
 from retarget.core import rotations
 from retarget.core.types import Array, BoolArray
 from retarget.samples import curves, legs, person, upper_body
+from retarget.samples.curves import Keys
 from retarget.samples.feet import Footprint
 from retarget.samples.person import about
-
-Keys = Sequence[tuple[float, float]]
-"""(time in s, angle in degrees or length in m), rests."""
 
 
 def _feet(half_width: float, toe_out_deg: float) -> dict[str, Footprint]:

@@ -13,8 +13,9 @@ from retarget.core.segments import SEGMENTS
 from retarget.core.types import Array, HumanMotion, Source, TrackerRecording
 from retarget.samples import curves, person, upper_body
 from retarget.samples.arm_reach import LEFT, PALM
+from retarget.samples.curves import Keys
 from retarget.samples.sway import MIDDLE, Sway, sway
-from retarget.samples.tasks import Body, Calibration, Keys, Task
+from retarget.samples.tasks import Body, Calibration, Task
 from retarget.samples.trackers import NO_FAULTS, Faults, Mount, measure, mounts
 
 TRUTH_SEGMENTS: Final = (

@@ -6,7 +6,7 @@ sways (`sway`). What is planned starts and ends at rest. Times are seconds, leng
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Protocol
 
@@ -14,11 +14,9 @@ import numpy as np
 from retarget.core.types import Array
 from retarget.samples import curves
 from retarget.samples.arm_reach import LEFT, Reach, between, reach_for
+from retarget.samples.curves import Keys
 from retarget.samples.person import SHOULDER_HALF_WIDTH
 from retarget.samples.primitive_poses import Operator, intended
-
-Keys = Sequence[tuple[float, float]]
-"""(time in s, value), rests."""
 
 _UPRIGHT: Final[Keys] = ((0.0, 0.0),)
 

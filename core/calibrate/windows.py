@@ -16,7 +16,7 @@ from retarget.core.calibrate import poses, shoulder
 from retarget.core.calibration import POSE_NAMES, POSES, SIDES
 from retarget.core.errors import MotionError
 from retarget.core.rotations import Array
-from retarget.core.timebase import CLOCK_SLACK_S
+from retarget.core.timebase import CLOCK_SLACK_S, runs
 from retarget.core.types import BoolArray, TrackerRecording
 
 Window = tuple[float, float]
@@ -102,7 +102,7 @@ def still_stretches(recording: TrackerRecording, trackers: Iterable[str]) -> lis
     slow = _speed(time, recording.position[:, columns]) < STILL_SPEED_M_S
     still: BoolArray = np.all(slow & recording.tracked[:, columns], axis=1)
     windows = []
-    for first, last in _runs(still):
+    for first, last in runs(still):
         start, end = float(time[first]), float(time[last])
         # The speed at either end is already that of the movement, smoothed.
         start, end = start + SPEED_OVER_S / 2, end - SPEED_OVER_S / 2
@@ -231,9 +231,3 @@ def _speed(time: Array, position: Array) -> Array:
     after = np.minimum(np.arange(len(time)) + 2 * half, len(time) - 1)
     moved = np.linalg.norm(smooth[after] - smooth[before], axis=-1)
     return np.asarray(moved / (time[after] - time[before])[:, None])
-
-
-def _runs(mask: BoolArray) -> list[tuple[int, int]]:
-    """(first, last) index of every run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(first), int(stop) - 1) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

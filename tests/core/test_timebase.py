@@ -387,3 +387,29 @@ class TestSmooth:
         found = timebase.smooth(self.time[:frames], values, window_s)
         assert np.array_equal(found, values)
         assert found is not values
+
+
+@pytest.mark.parametrize(
+    ("mask", "expected"),
+    [
+        ("", []),
+        ("....", []),
+        ("####", [(0, 3)]),
+        ("#..#", [(0, 0), (3, 3)]),
+        (".##.#", [(1, 2), (4, 4)]),
+    ],
+)
+def test_runs(mask: str, expected: list[tuple[int, int]]) -> None:
+    assert timebase.runs(np.array([mark == "#" for mark in mask], bool)) == expected
+
+
+def test_rate_of_change_never_exceeds_the_largest_step() -> None:
+    """At uneven times the derivative of a straight line is its slope, and of anything no more than a step's own."""
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.uniform(0.001, 0.1, 50))
+    slope = np.array([2.0, -3.0])
+    np.testing.assert_allclose(timebase.rate_of_change(time, time[:, None] * slope), np.tile(slope, (50, 1)))
+    values = rng.normal(size=(50, 4))
+    steps = np.abs(np.diff(values, axis=0) / np.diff(time)[:, None]).max(axis=0)
+    assert (np.abs(timebase.rate_of_change(time, values)) <= steps * (1 + 1e-12)).all()
+    np.testing.assert_array_equal(timebase.rate_of_change(time[:1], values[:1]), np.zeros((1, 4)))
