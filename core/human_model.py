@@ -17,6 +17,7 @@ from retarget.core.errors import MotionError
 from retarget.core.profile import Foot, RobotProfile
 from retarget.core.segments import LIMB_END, PARENT, SEGMENTS
 from retarget.core.types import Array, HumanMotion
+from retarget.core.urdf_text import number, numbers
 
 BODY_MASS_KG = 72.0
 BODY_DENSITY_KG_M3 = 1050.0
@@ -185,9 +186,9 @@ def _add_link(root: ET.Element, segment: str, bone: Array) -> None:
 
 def _add_inertial(link: ET.Element, mass: float, centre: Array, tensor: Array) -> None:
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "mass", value=repr(float(mass)))
-    ET.SubElement(inertial, "origin", xyz=_numbers(centre), rpy="0 0 0")
-    entries = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(tensor[i, j])) for i in range(3) for j in range(i, 3)}
+    ET.SubElement(inertial, "mass", value=number(mass))
+    ET.SubElement(inertial, "origin", xyz=numbers(centre), rpy="0 0 0")
+    entries = {f"i{'xyz'[i]}{'xyz'[j]}": number(tensor[i, j]) for i in range(3) for j in range(i, 3)}
     ET.SubElement(inertial, "inertia", entries)
 
 
@@ -200,11 +201,11 @@ def _add_joints(root: ET.Element, parent: str, segment: str, offset: Array) -> N
         joint = ET.SubElement(root, "joint", name=f"{JOINT[segment]}_rot{axis}", type="revolute")
         ET.SubElement(joint, "parent", link=links[i])
         ET.SubElement(joint, "child", link=links[i + 1])
-        ET.SubElement(joint, "origin", xyz=_numbers(offset if i == 0 else np.zeros(3)), rpy="0 0 0")
-        ET.SubElement(joint, "axis", xyz=_numbers(np.eye(3)[i]))
+        ET.SubElement(joint, "origin", xyz=numbers(offset if i == 0 else np.zeros(3)), rpy="0 0 0")
+        ET.SubElement(joint, "axis", xyz=numbers(np.eye(3)[i]))
         ET.SubElement(
-            joint, "limit", lower=repr(-LIMIT_RAD), upper=repr(LIMIT_RAD),
-            velocity=repr(VELOCITY_LIMIT_RAD_S), effort=repr(EFFORT_LIMIT_NM),
+            joint, "limit", lower=number(-LIMIT_RAD), upper=number(LIMIT_RAD),
+            velocity=number(VELOCITY_LIMIT_RAD_S), effort=number(EFFORT_LIMIT_NM),
         )  # fmt: skip
 
 
@@ -214,7 +215,7 @@ def _add_hand_centre(root: ET.Element, segment: str, centre: Array) -> None:
     joint = ET.SubElement(root, "joint", name=f"j{segment}COM", type="fixed")
     ET.SubElement(joint, "parent", link=segment)
     ET.SubElement(joint, "child", link=f"{segment}COM")
-    ET.SubElement(joint, "origin", xyz=_numbers(centre), rpy="0 0 0")
+    ET.SubElement(joint, "origin", xyz=numbers(centre), rpy="0 0 0")
 
 
 def _sole(ball: Array) -> Array:
@@ -222,7 +223,3 @@ def _sole(ball: Array) -> Array:
     ahead, left, up = (float(v) for v in ball)
     half = HALF_WIDTH_FRACTION * ahead
     return np.array([(x, left + y, up) for x in (-HEEL_FRACTION * ahead, ahead) for y in (half, -half)])
-
-
-def _numbers(vector: Array) -> str:
-    return " ".join(repr(float(v)) for v in vector)

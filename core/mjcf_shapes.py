@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from retarget.core import rotations
 from retarget.core.types import Array
+from retarget.core.urdf_text import numbers
 
 SEEN_GROUPS = 3
 MUJOCO_MESH = ".msh"
@@ -39,7 +40,7 @@ def add_shapes(
             for position, rotation, shape, attributes in shapes:
                 element = ET.SubElement(link, tag)
                 rpy = rotations.to_rpy(rotations.from_matrix(rotation))
-                ET.SubElement(element, "origin", {"xyz": _numbers(position), "rpy": _numbers(rpy)})
+                ET.SubElement(element, "origin", {"xyz": numbers(position), "rpy": numbers(rpy)})
                 ET.SubElement(ET.SubElement(element, "geometry"), shape, attributes)
 
 
@@ -55,15 +56,15 @@ def _shapes(model: Any, g: int, spec: Any, files: Mapping[str, Path | None]) -> 
     position, rotation = np.array(model.geom_pos[g]), rotations.to_matrix(model.geom_quat[g])
     kind, size = int(model.geom_type[g]), np.array(model.geom_size[g])
     if kind == kinds.mjGEOM_BOX:
-        return [(position, rotation, "box", {"size": _numbers(2 * size)})]
+        return [(position, rotation, "box", {"size": numbers(2 * size)})]
     if kind == kinds.mjGEOM_SPHERE:
-        return [(position, rotation, "sphere", {"radius": _numbers(size[:1])})]
+        return [(position, rotation, "sphere", {"radius": numbers(size[:1])})]
     if kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_CAPSULE):
-        tube = {"radius": _numbers(size[:1]), "length": _numbers([2 * size[1]])}
+        tube = {"radius": numbers(size[:1]), "length": numbers([2 * size[1]])}
         found: list[Placed] = [(position, rotation, "cylinder", tube)]
         if kind == kinds.mjGEOM_CAPSULE:  # URDF's readers know no capsule
             ends = (position + sign * size[1] * rotation[:, 2] for sign in (-1, 1))
-            found += [(end, rotation, "sphere", {"radius": _numbers(size[:1])}) for end in ends]
+            found += [(end, rotation, "sphere", {"radius": numbers(size[:1])}) for end in ends]
         return found
     if kind == kinds.mjGEOM_MESH:
         return _mesh(model, int(model.geom_dataid[g]), position, rotation, spec, files)
@@ -90,14 +91,10 @@ def _mesh(
     filename = Path(os.path.relpath(file.resolve(), Path(spec.modelfiledir).resolve())).as_posix()
     attributes = {"filename": filename}
     if (scale != 1).any():
-        attributes["scale"] = _numbers(scale)
+        attributes["scale"] = numbers(scale)
     return [(origin, own @ turn, "mesh", attributes)]
 
 
 def _alpha(model: Any, g: int) -> float:
     material = int(model.geom_matid[g])
     return float(model.geom_rgba[g, 3] if material < 0 else model.mat_rgba[material, 3])
-
-
-def _numbers(values: Any) -> str:
-    return " ".join(repr(float(value)) for value in values)

@@ -22,6 +22,7 @@ from retarget.core.mjcf_meshes import name_files, replace_missing
 from retarget.core.mjcf_shapes import add_shapes
 from retarget.core.profile import RobotProfile
 from retarget.core.types import Array
+from retarget.core.urdf_text import number, numbers
 
 WORLD = "world"
 NAMES_TOLD = 3
@@ -182,12 +183,12 @@ class _Tree:
         limited, dof = bool(model.jnt_limited[j]), int(model.jnt_dofadr[j])
         kind = ("revolute" if limited else "continuous") if self._turns(j) else "prismatic"
         element = _joint_element(name, kind, parent, child, placement)
-        ET.SubElement(element, "axis", {"xyz": _numbers(model.jnt_axis[j])})
-        limit = {"effort": _number(self._effort(j)), "velocity": "0"}
+        ET.SubElement(element, "axis", {"xyz": numbers(model.jnt_axis[j])})
+        limit = {"effort": number(self._effort(j)), "velocity": "0"}
         if kind != "continuous":
             # A slide without limits stays without: the profile has to state some.
             lower, upper = model.jnt_range[j] if limited else (-math.inf, math.inf)
-            limit = {"lower": _number(lower), "upper": _number(upper), **limit}
+            limit = {"lower": number(lower), "upper": number(upper), **limit}
         ET.SubElement(element, "limit", limit)
         dynamics = {
             "damping": float(model.dof_damping[dof]),
@@ -195,7 +196,7 @@ class _Tree:
             "armature": float(model.dof_armature[dof]),
         }
         if any(dynamics.values()):
-            ET.SubElement(element, "dynamics", {key: _number(value) for key, value in dynamics.items()})
+            ET.SubElement(element, "dynamics", {key: number(value) for key, value in dynamics.items()})
         return element
 
     def _effort(self, j: int) -> float:
@@ -268,10 +269,10 @@ def _add_inertial(link: ET.Element, model: Any, body: int) -> None:
     axes = rotations.to_matrix(model.body_iquat[body])
     tensor = axes @ np.diag(model.body_inertia[body]) @ axes.T
     element = ET.SubElement(link, "inertial")
-    ET.SubElement(element, "origin", {"xyz": _numbers(model.body_ipos[body]), "rpy": "0 0 0"})
-    ET.SubElement(element, "mass", {"value": _number(mass)})
+    ET.SubElement(element, "origin", {"xyz": numbers(model.body_ipos[body]), "rpy": "0 0 0"})
+    ET.SubElement(element, "mass", {"value": number(mass)})
     names = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
-    ET.SubElement(element, "inertia", {name: _number(tensor[at]) for name, at in names.items()})
+    ET.SubElement(element, "inertia", {name: number(tensor[at]) for name, at in names.items()})
 
 
 def _joint_element(name: str, kind: str, parent: str, child: str, placement: Array) -> ET.Element:
@@ -279,7 +280,7 @@ def _joint_element(name: str, kind: str, parent: str, child: str, placement: Arr
     ET.SubElement(element, "parent", {"link": parent})
     ET.SubElement(element, "child", {"link": child})
     rpy = rotations.to_rpy(rotations.from_matrix(placement[:3, :3]))
-    ET.SubElement(element, "origin", {"xyz": _numbers(placement[:3, 3]), "rpy": _numbers(rpy)})
+    ET.SubElement(element, "origin", {"xyz": numbers(placement[:3, 3]), "rpy": numbers(rpy)})
     return element
 
 
@@ -299,14 +300,6 @@ def _told(lost: dict[str, list[str]]) -> Iterable[str]:
         different = list(dict.fromkeys(names))
         more = ", …" if len(different) > NAMES_TOLD else ""
         yield f"{len(names)} × {what}: {', '.join(different[:NAMES_TOLD])}{more}"
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(_number(value) for value in values)
-
-
-def _number(value: float) -> str:
-    return repr(float(value))
 
 
 def _error(profile: RobotProfile, problem: str, expected: str = "") -> ProfileError:
