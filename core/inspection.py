@@ -149,8 +149,7 @@ def arm_poses(motion: HumanMotion) -> dict[str, list[Span]]:
     arms = [f"{side}{bone}" for side in ("Left", "Right") for bone in ("UpperArm", "ForeArm")]
     if trunk is None or not all(motion.has(name) for name in arms):
         return {}
-    half = -rotations.yaw(motion.orientation[:, motion.index(trunk)]) / 2
-    turn = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1)
+    turn = rotations.about_z(-rotations.yaw(motion.orientation[:, motion.index(trunk)]))
     found = {}
     for pose, directions in _ARM.items():
         shows = np.ones(motion.frames, bool)

@@ -103,6 +103,14 @@ def exp(rotation_vector: ArrayLike) -> Array:
     return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
 
 
+def about_z(angle: ArrayLike) -> Array:
+    """Unit quaternions (..., 4) of turns about Z by `angle` (...) rad, positive to the left; continuous in sign where the angle is."""
+    half = np.asarray(angle, float) / 2
+    q = np.zeros((*half.shape, 4))
+    q[..., 0], q[..., 3] = np.cos(half), np.sin(half)
+    return q
+
+
 def angle(a: ArrayLike, b: ArrayLike) -> Array:
     """Angle (...) in [0, π] of the rotation between unit quaternions `a` and `b`, accurate near 0 and near π."""
     d = multiply(conjugate(a), b)

@@ -19,9 +19,7 @@ def without_heading(motion: HumanMotion, segment: str) -> HumanMotion:
         return motion
     index = motion.index(segment)
     heading = np.unwrap(rotations.yaw(motion.orientation[:, index]))
-    half = -heading / 2
-    turn = np.zeros((motion.frames, 1, 4))
-    turn[:, 0, 0], turn[:, 0, 3] = np.cos(half), np.sin(half)
+    turn = rotations.about_z(-heading)[:, None]
     position = rotations.rotate(turn, motion.position - np.nan_to_num(motion.position[:, index : index + 1]))
     omega = motion.angular_velocity
     if omega is not None:

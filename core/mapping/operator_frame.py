@@ -39,8 +39,7 @@ def in_operator_frame(motion: HumanMotion, calibration: Calibration, segment: st
     if motion.has(segment) and np.isfinite(motion.position[:, motion.index(segment)]).all():
         centre = motion.position[:, motion.index(segment)]
         anchor = calibration.chest_position if segment == "T8" else anchor
-    turn = np.zeros((motion.frames, 1, 4))
-    turn[:, 0, 0], turn[:, 0, 3] = np.cos(heading / 2), -np.sin(heading / 2)
+    turn = rotations.about_z(-heading)[:, None]
     return replace(
         motion,
         orientation=rotations.make_continuous(rotations.multiply(turn, motion.orientation)),

@@ -337,3 +337,18 @@ class TestMean:
 
     def test_of_two_is_the_middle(self) -> None:
         assert rotations.mean([turn(Z, 10), turn(Z, 50)]) == pytest.approx(turn(Z, 30), abs=1e-15)
+
+
+@pytest.mark.parametrize("shape", [(), (7,), (3, 2)])
+def test_about_z_is_scipys_and_has_the_yaw_that_it_was_given(shape: tuple[int, ...]) -> None:
+    angles = np.random.default_rng(5).uniform(-3, 3, shape)
+    found = rotations.about_z(angles)
+    assert found.shape == (*shape, 4)
+    assert rotations.yaw(found) == pytest.approx(angles, abs=1e-14)
+    expected = Rotation.from_euler("z", np.ravel(angles)[:, None]).as_matrix().reshape(*shape, 3, 3)
+    np.testing.assert_allclose(rotations.to_matrix(found), expected, atol=1e-15)
+
+
+def test_about_z_goes_on_through_full_turns() -> None:
+    angles = np.linspace(0, 20, 500)
+    assert (np.einsum("ti,ti->t", rotations.about_z(angles)[1:], rotations.about_z(angles)[:-1]) > 0).all()
