@@ -114,9 +114,12 @@ def _averaged(time_s: Array, joints: Array, window_s: float, ends: Literal["refl
     steps = np.diff(time_s)
     if not len(steps) or np.abs(steps / steps.mean() - 1.0).max() <= VELOCITY_MARGIN / 2:
         return timebase.smooth(time_s, joints, window_s, ends=ends)
-    even = np.linspace(time_s[0], time_s[-1], len(time_s))
-    smooth = timebase.smooth(even, _on_lines(even, time_s, joints), window_s, ends=ends)
-    return _on_lines(time_s, even, smooth)
+    since = (
+        time_s - time_s[0]
+    )  # on a clock that counts from 1970 equal steps are none: its digits end at a quarter of a microsecond
+    even = np.linspace(0.0, since[-1], len(since))
+    smooth = timebase.smooth(even, _on_lines(even, since, joints), window_s, ends=ends)
+    return _on_lines(since, even, smooth)
 
 
 def _on_lines(at: Array, time_s: Array, joints: Array) -> Array:
