@@ -117,8 +117,10 @@ def _is_folder(template: str) -> bool:
 
 
 def _is_output_folder(path: str, format_: Format) -> bool:
-    """Whether a folder of this format, which is one, stands at `path`."""
-    return format_.recognises_folder is not None and Path(path).is_dir() and format_.recognises_folder(Path(path))
+    """Whether an earlier output of this format, which is a folder, stands at `path`."""
+    from retarget import formats
+
+    return formats.is_output_folder(path, format_)
 
 
 def is_finished(clip: Clip) -> bool:
@@ -263,7 +265,7 @@ def _check_folder_target(path: Path, format_: Format, *, overwrite: bool) -> Non
     if not path.is_dir():
         raise UsageError(f"{path}: is a file; {format_.name} is a folder")
     if not _is_output_folder(str(path), format_):
-        raise UsageError(f"{path}: is a folder that is no {format_.name}, so it is never replaced; give another name")
+        raise UsageError(f"{path}: is a folder that is no {format_.name} written here, so it is never replaced; give another name")
     if not overwrite:
         raise UsageError(f"{path}: exists; --force replaces it, --skip-existing leaves it")
 

@@ -35,6 +35,7 @@ __all__ = [
     "folder_format",
     "get",
     "is_bag_folder",
+    "is_output_folder",
     "names",
     "new_file",
     "read_any",
@@ -226,6 +227,11 @@ def describe(
 def folder_format(path: str | Path) -> Format | None:
     """The format of trajectories that the folder `path` is of; None where it is of none, or no folder."""
     return _folders.format_of(path)
+
+
+def is_output_folder(path: str | Path, format_: Format) -> bool:
+    """Whether the folder `path` is what `format_`, which is a folder, wrote, and holds nothing else: only then it is ever replaced."""
+    return _folders.is_output(Path(path), format_)
 
 
 def _folder(source: Input, format: str | None) -> tuple[Path, Format] | None:

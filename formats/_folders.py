@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -30,12 +30,23 @@ def is_folder(path: str | Path) -> bool:
         return False
 
 
+def is_output(folder: Path, chosen: Format) -> bool:
+    """Whether `folder` is an earlier output of format `chosen`, which is a folder, and nothing else."""
+    return chosen.is_own_folder is not None and is_folder(folder) and chosen.is_own_folder(folder)
+
+
+def holds_only(folder: Path, names: Collection[str]) -> bool:
+    """Whether all files below `folder` are among `names`, paths within it; links count as files."""
+    below = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
+    return all(path.relative_to(folder).as_posix() in names for path in below)
+
+
 @contextmanager
 def placed(path: str | Path, target: Path, chosen: Format, overwrite: bool) -> Iterator[Path]:
     """A new, empty folder beside `target` that takes its place when the body ends well, and is removed otherwise.
 
-    An older folder is replaced only if it is of the same format: anything else may be more than an output. It is moved aside first, as no
-    system call of POSIX replaces a folder that holds something. A killed process leaves at most a hidden `.retarget-….part`.
+    An older folder is replaced only if it holds what this format wrote and nothing else: a recorded bag, or a folder with a `metadata.yaml` of
+    another program, is more than an output. It is moved aside first, as no system call of POSIX replaces a folder that holds something. A killed process leaves at most a hidden `.retarget-….part`.
     Raises `UsageError` for a target that may not be replaced, `RetargetError` for what the file system refuses.
     """
     _check(path, target, chosen, overwrite)
@@ -65,9 +76,9 @@ def _check(path: str | Path, target: Path, chosen: Format, overwrite: bool) -> N
         return
     if not target.is_dir():
         raise UsageError(f"{path}: is a file; {chosen.name} is a folder")
-    if (found := format_of(target)) is None or found.name != chosen.name:
+    if not is_output(target, chosen):
         raise UsageError(
-            f"{path}: is a folder that is no {chosen.name}, so it is never replaced; expected another name"
+            f"{path}: is a folder that is no {chosen.name} written here, so it is never replaced; expected another name"
         )
     if not overwrite:
         raise UsageError(f"{path}: exists already; overwriting must be asked for")

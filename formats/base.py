@@ -1,7 +1,7 @@
 """What one file format is to the house: a name, how to know its files, and a few functions.
 
 Each format lives in one file of this folder and exposes one `FORMAT`. Readers and writers get an open binary stream and a display
-name for messages; opening, renaming into place, decompression by suffix and pipes are done once, in `formats/__init__.py`.
+name for messages; opening and pipes are dealt with once in `_input.py`, renaming into place in `_output.py`.
 """
 
 from __future__ import annotations
@@ -125,6 +125,7 @@ class Format:
     style. The last part's provenance is that of the whole.
     recognises_folder: whether a folder is of this format, of formats that are folders; those have `read_folder` (folder, display name,
     options) and `write_folder` (empty folder, trajectory, style, motion or None) in place of the functions of streams.
+    is_own_folder: whether a folder holds what `write_folder` wrote and nothing else: only such a one is ever replaced.
     describe: (binary stream, display name) → facts for `retarget info`, cheaper than a full read; None = from a full read.
     pipeable: whether it can be written to and read from a stream that can't seek.
     styles: names accepted as `style` by `write_trajectory`, the default first.
@@ -145,6 +146,7 @@ class Format:
     write_with_motion: SceneWriter | None = None
     write_parts: PartsWriter | None = None
     recognises_folder: Callable[[Path], bool] | None = None
+    is_own_folder: Callable[[Path], bool] | None = None
     read_folder: FolderReader | None = None
     write_folder: FolderWriter | None = None
     describe_trackers: TrackerDescriber | None = None

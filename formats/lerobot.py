@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from retarget.core.errors import FormatError, RetargetError, UsageError
 from retarget.core.types import Array, HumanMotion, JointTrajectory
 from retarget.formats import _headerless, _trajectory
+from retarget.formats._folders import holds_only
 from retarget.formats.base import Format, TrajectoryOptions
 
 VERSION = "v3.0"
@@ -200,6 +201,12 @@ def recognises_folder(folder: Path) -> bool:
     return (folder / INFO).is_file()
 
 
+def is_own_folder(folder: Path) -> bool:
+    """Whether `folder` holds a dataset written here, and nothing else."""
+    data, episodes = (path.format(chunk_index=0, file_index=0) for path in (DATA_PATH, EPISODES_PATH))
+    return (folder / OURS).is_file() and holds_only(folder, (INFO, STATS, TASKS, OURS, data, episodes))
+
+
 def read_folder(folder: Path, name: str, options: TrajectoryOptions | None = None) -> JointTrajectory:
     """The trajectory in a dataset of one episode; see the module.
 
@@ -357,6 +364,7 @@ FORMAT = Format(
     description="LeRobot dataset v3.0 of one episode, a folder; needs the extra lerobot",
     suffixes=(),
     recognises_folder=recognises_folder,
+    is_own_folder=is_own_folder,
     read_folder=read_folder,
     write_folder=write_folder,
 )

@@ -16,6 +16,7 @@ from pathlib import Path
 from retarget.core.types import HumanMotion, JointTrajectory
 from retarget.formats import _bag_storage, _mcap_trajectory
 from retarget.formats._bag_metadata import METADATA
+from retarget.formats._folders import holds_only
 from retarget.formats._mcap_recording import Recording
 from retarget.formats._mcap_writer import McapFile
 from retarget.formats.base import Format, TrajectoryOptions
@@ -71,6 +72,11 @@ def recognises_folder(folder: Path) -> bool:
     return (folder / METADATA).is_file()
 
 
+def is_own_folder(folder: Path) -> bool:
+    """Whether `folder` holds the two files of a bag written here, and nothing else."""
+    return recognises_folder(folder) and holds_only(folder, (METADATA, STORAGE))
+
+
 def read_folder(folder: Path, name: str, _options: TrajectoryOptions | None = None) -> JointTrajectory:
     """The trajectory in a bag; see the module. Raises `FormatError` for a folder that is no bag, and as format `mcap` does."""
     recording = Recording(name)
@@ -85,6 +91,7 @@ FORMAT = Format(
     description="rosbag2 folder: metadata.yaml and one MCAP file, for ros2 bag play",
     suffixes=(),
     recognises_folder=recognises_folder,
+    is_own_folder=is_own_folder,
     read_folder=read_folder,
     write_folder=write_folder,
     styles=("default", _mcap_trajectory.WITH_JOINT_TRAJECTORY),

@@ -43,7 +43,7 @@ def test_the_default_name_of_a_folder_and_others_folders_are_safe(run: Run, walk
     (tmp_path / "walk" / "data").touch()
     result = run("convert", walk, "--robot", "g1", "--format", "rosbag2", "-o", "{stem}", "--force")
     assert result.exit_code == 2
-    assert "walk: is a folder that is no rosbag2, so it is never replaced" in result.stderr
+    assert "walk: is a folder that is no rosbag2 written here, so it is never replaced" in result.stderr
 
 
 @pytest.mark.parametrize("human", [True, False])

@@ -276,22 +276,41 @@ def test_a_folder_is_replaced_only_by_its_own_kind(tmp_path: Path, make_trajecto
     formats.write_trajectory(path, make_trajectory(), format=name)
     with pytest.raises(UsageError, match="exists already"):
         formats.write_trajectory(path, make_trajectory(), format=name)
-    (path / "junk").touch()
     formats.write_trajectory(path, make_trajectory(joints=2), format=name, overwrite=True)
     assert len(formats.read_trajectory(path).joint_names) == 2
-    assert not (path / "junk").exists()
     assert list(tmp_path.iterdir()) == [path]
-    for file in path.rglob("*"):
-        if file.is_file():
-            file.unlink()
+    written = [file for file in path.rglob("*") if file.is_file()]
     (path / "precious").touch()
-    with pytest.raises(UsageError, match=f"is a folder that is no {name}, so it is never replaced"):
-        formats.write_trajectory(path, make_trajectory(), format=name, overwrite=True)
+    for _ in range(2):  # beside an output of ours, then without one
+        with pytest.raises(UsageError, match=f"is a folder that is no {name} written here, so it is never replaced"):
+            formats.write_trajectory(path, make_trajectory(), format=name, overwrite=True)
+        assert (path / "precious").exists()
+        for file in written:
+            file.unlink(missing_ok=True)
     (tmp_path / "file").touch()
     with pytest.raises(UsageError, match=f"is a file; {name} is a folder"):
         formats.write_trajectory(tmp_path / "file", make_trajectory(), format=name, overwrite=True)
     with pytest.raises(UsageError, match="there is no folder"):
         formats.write_trajectory(tmp_path / "none" / "out", make_trajectory(), format=name)
+
+
+@pytest.mark.parametrize(
+    ("name", "files"),
+    [
+        ("rosbag2", {"metadata.yaml": "name: a network", "weights": ""}),
+        ("rosbag2", {"metadata.yaml": "rosbag2_bagfile_information:", "recorded_0.db3": ""}),
+        ("lerobot", {"meta/info.json": "{}", "data/chunk-000/file-000.parquet": ""}),
+    ],
+)
+def test_folders_of_others_are_never_replaced(
+    tmp_path: Path, make_trajectory: Maker, name: str, files: dict[str, str]
+) -> None:
+    for file, text in files.items():
+        (tmp_path / "out" / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "out" / file).write_text(text)
+    with pytest.raises(UsageError, match=f"is a folder that is no {name} written here"):
+        formats.write_trajectory(tmp_path / "out", make_trajectory(), format=name, overwrite=True)
+    assert {str(p.relative_to(tmp_path / "out")) for p in tmp_path.rglob("*") if p.is_file()} == set(files)
 
 
 @pytest.fixture(scope="module")
