@@ -83,7 +83,7 @@ def calibrate(
         raise UsageError(
             f"found {len(inputs)} inputs; expected one recording of all three poses, or three: Still, T and Forward"
         )
-    collect_inputs(inputs, None, nul=False, recursive=False)
+    collect_inputs(inputs, None)
     if output == PIPE and as_json:
         raise UsageError("-o - and --json both want stdout; choose one")
     if picture is not None and not picture.lower().endswith(PICTURES):

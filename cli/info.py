@@ -30,7 +30,7 @@ def info(console: Console, /, files: tuple[str, ...], as_json: bool, **choices: 
     from retarget.cli.clip import without_nan
     from retarget.core import batch
 
-    paths = collect_inputs(files, None, nul=False, recursive=False)
+    paths = collect_inputs(files, None, kind="any")
     facts, codes = log_facts(choices), set()
     for path, outcome in zip(paths, batch.run(lambda path: _describe(path, facts), paths), strict=True):
         codes.add(outcome.exit_code)

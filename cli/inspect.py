@@ -55,7 +55,7 @@ def inspect(
 
     if report and no_report:
         raise UsageError("--report and --no-report contradict each other")
-    paths = collect_inputs(files, None, nul=False, recursive=False)
+    paths = collect_inputs(files, None, kind="any")
     pages = {} if no_report else _pages(paths, report, force)
     facts, codes = log_facts(choices), set()
 

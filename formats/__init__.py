@@ -129,6 +129,9 @@ def read_any(
 
     Arguments and errors as those of `read_trackers`. A pipe that may hold either is kept in memory.
     """
+    folder = _folder(source, format)
+    if folder is not None and not _may_be_a_persons(folder[0], format):
+        return _read_folder(*folder, name, TrajectoryOptions())
     with opened(source, name, format, "read_trackers") as (stream, shown, found):
         if found.read_trajectory is not None and not stream.seekable():
             stream = io.BytesIO(stream.read())
@@ -143,7 +146,9 @@ def read_any(
                 return found.read_trajectory(stream, shown, TrajectoryOptions())
             except InvalidDataError as error:
                 raise FormatError(shown, str(error)) from error
-    raise UsageError(f"{shown}: {found.name} can only be written")
+    if folder is not None:
+        return _read_folder(*folder, name, TrajectoryOptions())
+    raise UsageError(f"{shown}: {found.name} holds {_content(found)}, not a person's motion or a robot's trajectory")
 
 
 def _read_recording(
@@ -200,12 +205,8 @@ def describe(
 ) -> Mapping[str, Any]:
     """JSON-able facts of a file, for `retarget info`; arguments and errors as those of `read_trackers`."""
     folder = _folder(source, format)
-    if folder is not None and (options is None or not options.of_ros):
-        try:
-            return trajectory_facts(folder[1].name, _read_folder(*folder, name, TrajectoryOptions()))
-        except FormatError:
-            if format or not is_bag_folder(folder[0]):
-                raise  # else a bag without a robot in it: a person's, or nobody's
+    if folder is not None and not _may_be_a_persons(folder[0], format):
+        return trajectory_facts(folder[1].name, _read_folder(*folder, name, TrajectoryOptions()))
     # Where formats share a suffix and none knows the file: trajectories were written here and are known, tracker logs come from anywhere.
     with opened(source, name, format, "read_trackers") as (stream, shown, found):
         try:
@@ -244,6 +245,11 @@ def _folder(source: Input, format: str | None) -> tuple[Path, Format] | None:
     if not _folders.is_folder(source) or (found.recognises_folder and not found.recognises_folder(Path(source))):
         raise UsageError(f"{source}: is no folder of format {found.name}")
     return Path(source), found
+
+
+def _may_be_a_persons(folder: Path, format: str | None) -> bool:
+    """Whether what a folder holds, not named as a trajectory's format, has to be looked at: bags are of persons and of robots."""
+    return format is None and is_bag_folder(folder)
 
 
 def _read_folder(path: Path, found: Format, name: str | None, options: TrajectoryOptions) -> JointTrajectory:

@@ -39,7 +39,13 @@ def short_type(name: str) -> str:
     return f"{parts[0]}/{parts[-1]}" if len(parts) > 1 else name
 
 
-def read(stream: BinaryIO, name: str, wanted: Callable[[str], bool]) -> Iterator[Batch | Unread]:
+def folder_of(stream: BinaryIO) -> Path | None:
+    """The rosbag2 folder whose metadata.yaml `stream` is; None for anything else."""
+    path = getattr(stream, "name", None)
+    return Path(path).parent if isinstance(path, str) and is_folder(Path(path).parent) else None
+
+
+def read(stream: BinaryIO, name: str, wanted: Callable[[str], bool]) -> Iterator[Batch | Metadata | Unread]:
     """Batches of the messages whose type, as `short_type`, is `wanted`, in the order of each file; the other topics as `Unread`.
 
     stream: of a bag, a `.db3`, or the metadata.yaml of a folder. Raises `FormatError` for content that can't be read.
@@ -50,9 +56,7 @@ def read(stream: BinaryIO, name: str, wanted: Callable[[str], bool]) -> Iterator
 
     with _path_of(stream, name) as path:
         if path.is_dir():
-            for item in _bag_storage.read_folder(path, name, by_type):
-                if not isinstance(item, Metadata):
-                    yield item
+            yield from _bag_storage.read_folder(path, name, by_type)
             return
         with path.open("rb") as content:
             head = content.read(len(SQLITE_MAGIC))

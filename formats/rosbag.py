@@ -27,32 +27,47 @@ measured is interpolated, marked and counted. Old `.db3` hold no definitions: `-
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, BinaryIO
 
+from retarget.core.errors import FormatError
 from retarget.core.types import HumanMotion, TrackerRecording
-from retarget.formats import _ros_source
+from retarget.formats import _ros_source, rosbag2
+from retarget.formats._describe import trajectory_facts
+from retarget.formats._mcap_reader import Metadata
+from retarget.formats._mcap_recording import METADATA
 from retarget.formats._ros_recording import RosRecording, is_wanted
 from retarget.formats.base import Format, TrackerOptions
 
 
-def read_recording(stream: BinaryIO, name: str, options: TrackerOptions) -> HumanMotion | TrackerRecording:
-    """The motion or the trackers in a bag, a `.db3`, or the folder whose metadata.yaml `stream` is; see the module.
+def read_recording(stream: BinaryIO, name: str, options: TrackerOptions) -> HumanMotion | TrackerRecording | None:
+    """The motion or the trackers in a bag, a `.db3`, or the folder whose metadata.yaml `stream` is; None for a robot's trajectory.
 
     Raises `FormatError` for a damaged recording and one without known frames, `UsageError` for options that don't fit.
     """
-    return _collected(stream, name, options).result(_ros_source.digest(stream, name))[0]
+    recording, is_robot = _collected(stream, name, options)
+    return None if is_robot else recording.result(_ros_source.digest(stream, name))[0]
 
 
 def describe(stream: BinaryIO, name: str, options: TrackerOptions) -> Mapping[str, Any]:
-    """Facts for `retarget info`: topics, frames, and what they are of a person."""
-    return _collected(stream, name, options).describe()
+    """Facts for `retarget info`: of a folder with a robot's trajectory, else of topics, frames, and what they are of a person."""
+    recording, is_robot = _collected(stream, name, options)
+    folder = _ros_source.folder_of(stream)
+    if is_robot and folder is not None:
+        with suppress(FormatError):  # joint states that make no trajectory
+            return trajectory_facts(rosbag2.FORMAT.name, rosbag2.read_folder(folder, name))
+    return recording.describe()
 
 
-def _collected(stream: BinaryIO, name: str, options: TrackerOptions) -> RosRecording:
-    recording = RosRecording(name, FORMAT.name, options)
+def _collected(stream: BinaryIO, name: str, options: TrackerOptions) -> tuple[RosRecording, bool]:
+    """The recording, and whether it is a robot's: written here, or one by its joint states."""
+    recording, own = RosRecording(name, FORMAT.name, options), False
     for item in _ros_source.read(stream, name, is_wanted):
-        recording.add(item)
-    return recording
+        if not isinstance(item, Metadata):
+            recording.add(item)
+        elif item.name == METADATA:
+            own = True
+    return recording, own or recording.is_robot()
 
 
 FORMAT = Format(

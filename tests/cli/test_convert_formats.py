@@ -31,6 +31,39 @@ def test_a_bag_is_made_replaced_skipped_and_described(run: Run, walk: Path, tmp_
     assert (record["format"], record["frames"]) == ("rosbag2", 30)
 
 
+@pytest.mark.parametrize("name", ["rosbag2", "lerobot"])
+@pytest.mark.parametrize("human", [True, False])
+def test_folders_of_trajectories_are_no_persons(run: Run, walk: Path, tmp_path: Path, name: str, human: bool) -> None:
+    """The base of G1 is called as a segment is, and with --human there are frames of all."""
+    if name == "lerobot":
+        pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    person = ["--human"] if human else []
+    assert run("convert", walk, "--robot", "g1", "--format", name, "-o", "out", *person).exit_code == 0
+    described = json.loads(run("info", "out", "--json").stdout)
+    seen = json.loads(run("inspect", "out", "--no-report", "--json").stdout)
+    assert (described["kind"], described["robot"], seen["checked_against"]) == ("trajectory", "g1", "g1")
+    assert [row["option"] for row in seen["suggestions"]] == ["retarget validate out"]
+    assert run("convert", "out", "--robot", "g1").exit_code == 2
+    planned = run("convert", "-r", tmp_path, "--robot", "g1", "-o", "{stem}.mcap", "--dry-run").stdout
+    assert planned == f"{walk} → walk.mcap\n"
+
+
+def test_folders_that_hold_nothing(run: Run, walk: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    for command in (["info"], ["inspect"], ["calibrate"]):
+        result = run(*command, "empty")
+        assert (result.exit_code, "empty: is a folder; expected files" in result.stderr) == (2, True)
+        assert "-r" not in result.stderr
+    listed = run("convert", walk, "--robot", "g1", "--files-from", "empty")
+    assert (listed.exit_code, "--files-from empty: is a folder" in listed.stderr) == (2, True)
+
+
+@pytest.mark.parametrize("command", [["info"], ["inspect"], ["validate"], ["convert", "--robot", "g1"]])
+def test_names_longer_than_any_file_has(run: Run, command: list[str]) -> None:
+    result = run(*command, "x" * 400)
+    assert (result.exit_code, "file name too long" in result.stderr) == (2, True)
+
+
 def test_the_default_name_of_a_folder_and_others_folders_are_safe(run: Run, walk: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "precious").mkdir()
