@@ -55,8 +55,8 @@ def read_folder(folder: Path, name: str, wanted: Wanted) -> Iterator[Batch | Met
         with ExitStack() as stack:
             if bag.storage == "mcap":
                 stream = stack.enter_context(path.open("rb"))
-                unpacked = _unzstd(stream) if bag.compression == "file" else stream
-                items = _mcap_reader.read(cast(BinaryIO, _Told(unpacked, shown)), shown)
+                unpacked = _unzstd(stream, path, shown) if bag.compression == "file" else stream
+                items = _mcap_reader.read(unpacked, shown)
             else:
                 if bag.compression == "file":
                     path = stack.enter_context(_unpacked_file(path, shown))
@@ -211,38 +211,40 @@ def _unpacked(payload: memoryview, name: str) -> bytes:
     return bytes(data)
 
 
-def _unzstd(stream: BinaryIO) -> BinaryIO:
+def _unzstd(stream: BinaryIO, path: Path, name: str) -> BinaryIO:
+    """What `stream`, of the file at `path`, unpacks to."""
     import zstandard
 
-    return cast(BinaryIO, zstandard.ZstdDecompressor().stream_reader(stream, read_across_frames=True))
+    unpacked = zstandard.ZstdDecompressor().stream_reader(stream, read_across_frames=True)
+    return cast(BinaryIO, _Unpacked(unpacked, name, LARGEST_UNPACKED + _LARGEST_RATIO * path.stat().st_size))
 
 
-class _Told:
-    """A stream whose damage, where it is unpacked while it is read, is told as the file's."""
+class _Unpacked:
+    """A stream that is unpacked while it is read: its damage is told as the file's, and so is more than `most` bytes."""
 
-    def __init__(self, stream: BinaryIO, name: str) -> None:
-        self._stream, self._name = stream, name
+    def __init__(self, stream: Any, name: str, most: int) -> None:
+        self._stream, self._name, self._most, self._size = stream, name, most, 0
 
-    def read(self, size: int = -1) -> bytes:
-        """As the stream's."""
+    def read(self, size: int) -> bytes:
+        """At most `size` bytes, none at the end."""
         import zstandard
 
         try:
-            return self._stream.read(size)
+            data = bytes(self._stream.read(size))
         except zstandard.ZstdError as error:
             raise FormatError(self._name, f"can't be unpacked: {error}", expected="zstd") from error
+        self._size += len(data)
+        if self._size > self._most:
+            raise FormatError(self._name, f"unpacks to more than {self._most >> 20} MB", expected="a recording")
+        return data
 
 
 @contextmanager
 def _unpacked_file(path: Path, name: str) -> Iterator[Path]:
     """A copy of a packed file, unpacked, that lives as long."""
-    most = LARGEST_UNPACKED + _LARGEST_RATIO * path.stat().st_size
     with path.open("rb") as stream, tempfile.NamedTemporaryFile(suffix=".db3") as copy:
-        source, size = _Told(_unzstd(stream), name), 0
+        source = _unzstd(stream, path, name)
         while block := source.read(_BLOCK):
-            size += len(block)
-            if size > most:
-                raise FormatError(name, f"unpacks to more than {most >> 20} MB", expected="a recording")
             cast(IO[bytes], copy).write(block)
         copy.flush()
         yield Path(copy.name)

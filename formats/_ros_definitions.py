@@ -102,10 +102,10 @@ class Definition:
             known[name] = total
         return known[name]
 
-    def links(self, payload: bytes | memoryview, index: int) -> Iterator[Pose]:
+    def links(self, payload: bytes | memoryview) -> Iterator[Pose]:
         """The links of a `LinkStateArray`: `header.frame_id` of each state is the link itself, its pose is in the world.
 
-        Raises `FormatError` for bytes that are no such message.
+        Raises `ValueError` for bytes that are no such message, `FormatError` for a definition that is another.
         """
         decode = self._store.deserialize_ros1 if self.ros1 else self._store.deserialize_cdr
         try:
@@ -131,11 +131,7 @@ class Definition:
             ) from error
         # A wrong length surfaces as whatever the generated decoder trips over first.
         except Exception as error:
-            raise FormatError(
-                self.file,
-                f"not a {self.full_name}: {error or type(error).__name__}",
-                place=f"topic {self.topic}, message {index}",
-            ) from error
+            raise ValueError(str(error) or type(error).__name__) from error
 
 
 def check(types: Mapping[str, Any]) -> None:

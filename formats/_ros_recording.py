@@ -175,7 +175,7 @@ class RosRecording:
             # tf may hold the same motion: then this is worth a line, no more.
             self._undefined = error
             return None
-        return lambda payload: definition.links(payload, 0)
+        return definition.links
 
     def is_robot(self) -> bool:
         """Whether there are joint states, no frame is known as a person's, and the user names none: a robot's recording."""

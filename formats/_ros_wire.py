@@ -184,27 +184,43 @@ def read_all(
     for size, indexes in by_length.items():
         matrix = np.frombuffer(b"".join(payloads[index] for index in indexes), np.uint8).reshape(len(indexes), size)
         left = np.array(indexes, np.int64)
-        for attempt in range(len(indexes)):
+        for _ in range(_LAYOUTS):
             if not len(left):
                 break
-            try:
-                cursor = _Tracer(payloads[left[0]], ros1=ros1)
-                found = [(pose, cursor.stamp_at, cursor.values_at) for pose in reader(cursor)]
-            except (struct.error, ValueError) as error:
-                raise BadMessage(int(left[0]), error) from error
-            if attempt < _LAYOUTS and len(left) > 1:
-                fixed = cursor.fixed()
-                same = (matrix[:, fixed] == matrix[0, fixed]).all(axis=1)
-            else:
-                same = np.arange(len(left)) == 0
-            rows, at = matrix[same], left[same]
+            cursor, found = _traced(payloads, int(left[0]), reader, ros1=ros1)
+            fixed = cursor.fixed()
+            same = (matrix[:, fixed] == matrix[0, fixed]).all(axis=1)
+            yield from _samples(cursor, found, matrix[same], left[same])
             matrix, left = matrix[~same], left[~same]
-            for pose, stamp_at, values_at in found:
-                times = _numbers(rows, stamp_at, 8, cursor.order + ("u4" if ros1 else "i4"))
-                seconds = times[:, 0].astype(np.int64)
-                nanoseconds = times[:, 1].astype(np.int64) & 0xFFFFFFFF
-                values = _numbers(rows, values_at, 56, cursor.order + "f8").astype(float)
-                yield Samples(pose.parent, pose.child, at, seconds * 1_000_000_000 + nanoseconds, values)
+        for row, index in enumerate(left.tolist()):
+            cursor, found = _traced(payloads, index, reader, ros1=ros1)
+            yield from _samples(cursor, found, matrix[row : row + 1], left[row : row + 1])
+
+
+_Found = list[tuple[Pose, int, int]]
+"""Poses of a message, and where the bytes of stamp and values of each begin."""
+
+
+def _traced(
+    payloads: Sequence[memoryview], index: int, reader: Callable[[Cursor], Iterator[Pose]], *, ros1: bool
+) -> tuple[_Tracer, _Found]:
+    try:
+        cursor = _Tracer(payloads[index], ros1=ros1)
+        return cursor, [(pose, cursor.stamp_at, cursor.values_at) for pose in reader(cursor)]
+    except (struct.error, ValueError) as error:
+        raise BadMessage(index, error) from error
+
+
+def _samples(
+    cursor: _Tracer, found: _Found, rows: NDArray[np.uint8], message: NDArray[np.int64]
+) -> Iterator[Samples]:
+    """What messages hold whose bytes are `rows` and whose layout is that of the one that `cursor` read."""
+    for pose, stamp_at, values_at in found:
+        times = _numbers(rows, stamp_at, 8, cursor.order + ("u4" if cursor.ros1 else "i4"))
+        seconds = times[:, 0].astype(np.int64)
+        nanoseconds = times[:, 1].astype(np.int64) & 0xFFFFFFFF
+        values = _numbers(rows, values_at, 56, cursor.order + "f8").astype(float)
+        yield Samples(pose.parent, pose.child, message, seconds * 1_000_000_000 + nanoseconds, values)
 
 
 def _numbers(rows: NDArray[np.uint8], at: int, size: int, dtype: str) -> NDArray[Any]:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from typing import BinaryIO
@@ -146,7 +147,7 @@ def _parse(text: Iterable[str], name: str) -> tuple[list[str], Array]:
         raise FormatError(
             name, "no column 'time_s'" + hint, place="line 1", expected="time_s, q_<joint>_rad, dq_<joint>_rad_s …"
         )
-    if repeated := [column for i, column in enumerate(header) if column in header[:i]]:
+    if repeated := [column for column, count in Counter(header).items() if count > 1]:
         raise FormatError(name, f"column '{repeated[0]}' stands twice", place="line 1")
     # NumPy only warns when there is nothing to read.
     first = next((line for line in lines if line.strip()), None)

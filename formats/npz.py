@@ -271,7 +271,8 @@ def _time(name: str, arrays: Arrays, frames: int, options: TrajectoryOptions) ->
     fps = np.asarray(arrays["fps"])
     if fps.size != 1 or fps.dtype.kind not in "fiu" or not (np.isfinite(fps).all() and fps.ravel()[0] > 0):
         raise FormatError(name, f"found {fps}", place="fps", expected="one positive number")
-    return np.asarray(np.arange(frames) / float(fps.ravel()[0]))
+    with np.errstate(over="ignore"):  # times that are not finite are refused
+        return np.asarray(np.arange(frames) / float(fps.ravel()[0]))
 
 
 FORMAT = Format(

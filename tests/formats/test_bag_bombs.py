@@ -174,6 +174,20 @@ def test_files_and_messages_that_unpack_to_gigabytes(tmp_path: Path, monkeypatch
     tracemalloc.stop()
 
 
+def test_a_record_that_unpacks_to_gigabytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("retarget.formats._bag_storage.LARGEST_UNPACKED", 1 << 20)
+    monkeypatch.setattr("retarget.formats._mcap_reader._BLOCK", 1 << 20)
+    folder = _packed(tmp_path / "bag", StoragePlugin.MCAP, CompressionMode.FILE)
+    (file,) = folder.glob("*.zstd")
+    attachment = struct.pack("<BQ", 0x09, 64 << 20) + bytes(64 << 20)
+    file.write_bytes(zstandard.compress(b"\x89MCAP0\r\n" + attachment))
+    tracemalloc.start()
+    with pytest.raises(FormatError, match=r"mcap\.zstd: unpacks to more than \d+ MB; expected a recording"):
+        _read(folder)
+    assert tracemalloc.get_traced_memory()[1] < 8 << 20
+    tracemalloc.stop()
+
+
 @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
 def test_packed_bags_that_are_damaged(tmp_path: Path, plugin: StoragePlugin) -> None:
     folder = _packed(tmp_path / "file", plugin, CompressionMode.FILE)

@@ -126,6 +126,7 @@ def test_headerless_file_is_refused_for_its_quaternion_order(style_line: str) ->
         ("\n", "no column 'time_s'"),
         ("time,q_a_rad\n0,1\n", r"no column 'time_s' \(is it 'time'\?\)"),
         ("time_s,q_a_rad,q_a_rad\n0,1,1\n", "column 'q_a_rad' stands twice"),
+        (f"time_s,{','.join(f'q_{i}_rad' for i in range(100_000))},q_7_rad\n0\n", "column 'q_7_rad' stands twice"),
         ("time_s,q_a_rad\n", "no frames below the header"),
         ("time_s,q_a_rad\n\n\n", "no frames below the header"),
         ("time_s,q_a_rad,q_b_rad,dq_a_rad_s\n0,1,2,3\n", "no column 'dq_b_rad_s'"),

@@ -191,6 +191,31 @@ def test_damaged_files(dataset: Path, file: str, content: bytes) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_a_small_file_of_very_many_numbers(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("retarget.formats.lerobot._LARGEST_COUNT", 90 * (3 + 3 + 7 + 6 + 1))
+    formats.read_trajectory(dataset)
+    state = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(3_000_000, np.float32)), 3)
+    pq.write_table(pa.table({"observation.state": state}), dataset / DATA)
+    assert (dataset / DATA).stat().st_size < 30_000
+    with pytest.raises(FormatError, match="not readable data: 3000000 numbers; expected at most 1800"):
+        formats.read_trajectory(dataset)
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ([[1.0, 2.0, 3.0], [1.0, 2.0]], "lists of several lengths"),
+        ([[1.0, 2.0, 3.0], None], "lists of several lengths"),
+        (["1", "2"], "values of type string"),
+        ([[1.0, 2.0, 3.0], [1.0, None, 3.0]], "found nan at"),
+    ],
+)
+def test_features_that_are_no_rows_of_numbers(dataset: Path, state: list[Any], message: str) -> None:
+    pq.write_table(pa.table({"observation.state": state}), dataset / DATA)
+    with pytest.raises(FormatError, match=message):
+        formats.read_trajectory(dataset)
+
+
 def test_without_pyarrow_it_says_what_to_install(
     tmp_path: Path, make_trajectory: Maker, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -120,6 +120,7 @@ def test_file_of_others_with_names() -> None:
         ({"fps": None}, "neither 'time' nor 'fps'"),
         ({"fps": np.array([0])}, r"fps: found \[0\]; expected one positive number"),
         ({"fps": np.array([50, 50])}, "fps: found"),
+        ({"fps": np.array(5e-324)}, "time: found inf"),
         ({"fps": np.array("fast")}, "fps: found fast"),
         ({"twist_known": np.array([True])}, "twist_known"),
         ({"base_fixed": np.array(2.0)}, "base_fixed: found float64.*expected truth values"),

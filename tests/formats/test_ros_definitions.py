@@ -16,9 +16,10 @@ from tests.formats.ros_recordings import LINK_STATE, LINK_STATE_ARRAY, LINKS, mc
 WHOLE = f"{LINK_STATE_ARRAY}{'=' * 80}\nMSG: xsens_mvn_ros_msgs/LinkState\n{LINK_STATE}"
 
 
-def refusal(message_type: str, definition: str, payload: bytes = bytes(40), *, ros1: bool = False) -> str:
+def refusal(message_type: str, definition: str, *payloads: bytes, ros1: bool = False) -> str:
     schema, encoding = ("ros1msg", "ros1") if ros1 else ("ros2msg", "cdr")
-    data = mcap_bytes([("/l", message_type, schema, encoding, definition.encode())], [("/l", 1, payload)])
+    messages = [("/l", time, payload) for time, payload in enumerate(payloads or [bytes(40)], 1)]
+    data = mcap_bytes([("/l", message_type, schema, encoding, definition.encode())], messages)
     with pytest.raises(FormatError) as caught:
         formats.read_recording(io.BytesIO(data), "a.mcap")
     assert "\n" not in str(caught.value)
@@ -75,5 +76,5 @@ def test_names_that_are_none(names: tuple[str, str]) -> None:
 
 
 def test_more_links_than_there_are_bytes() -> None:
-    line = refusal(LINKS, WHOLE, b"\0\1\0\0" + b"\xff" * 4)
-    assert "topic /l, message 0: not a xsens_mvn_ros_msgs/msg/LinkStateArray" in line
+    line = refusal(LINKS, WHOLE, b"\0\1\0\0" + bytes(4), b"\0\1\0\0" + b"\xff" * 4)
+    assert "topic /l, message 1: not a xsens_mvn_ros_msgs/LinkStateArray" in line
