@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
@@ -32,6 +33,9 @@ COMMANDS = {
     "completion": "Print the script that teaches a shell to complete.",
 }
 """Command → its one-line help; its module is `retarget.cli.<command>`, its click command `<command>` in there."""
+
+NAMES_NO_FILE = (errno.ENAMETOOLONG, errno.ELOOP, errno.EISDIR, errno.ENOTDIR)
+"""What the system says of a path that can't be meant."""
 
 HELP = """Recorded human motion to robot joint trajectories that stay inside the robot's limits.
 
@@ -115,7 +119,7 @@ class LazyGroup(click.Group):
         except OSError as error:
             _show_traceback(console)
             console.error(f"{error.filename}: {error.strerror}" if error.filename else str(error))
-            return 1
+            return 2 if error.errno in NAMES_NO_FILE else 1
         except Exception as error:
             _show_traceback(console)
             console.error(unexpected(f"{type(error).__name__}: {error}"))

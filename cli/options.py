@@ -17,6 +17,8 @@ from retarget.cli.console import Console
 from retarget.core.errors import UnknownNameError
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+LONGEST_COUNT = 9
+"""Digits of a part of work; Python refuses to read numbers of thousands."""
 
 
 if TYPE_CHECKING:
@@ -92,7 +94,8 @@ class Shard(_ParamType[tuple[int, int]]):
         if isinstance(value, tuple):
             return value
         first, slash, second = str(value).partition("/")
-        if not (slash and first.isdecimal() and second.isdecimal() and 1 <= int(first) <= int(second)):
+        plain = slash and all(part.isdecimal() and len(part) <= LONGEST_COUNT for part in (first, second))
+        if not (plain and 1 <= int(first) <= int(second)):
             self.fail(f"found '{value}', expected I/N with 1 ≤ I ≤ N, for example 1/4.", param, ctx)
         return int(first), int(second)
 

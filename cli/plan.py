@@ -265,7 +265,9 @@ def _check_folder_target(path: Path, format_: Format, *, overwrite: bool) -> Non
     if not path.is_dir():
         raise UsageError(f"{path}: is a file; {format_.name} is a folder")
     if not _is_output_folder(str(path), format_):
-        raise UsageError(f"{path}: is a folder that is no {format_.name} written here, so it is never replaced; give another name")
+        raise UsageError(
+            f"{path}: is a folder that is no {format_.name} written here, so it is never replaced; give another name"
+        )
     if not overwrite:
         raise UsageError(f"{path}: exists; --force replaces it, --skip-existing leaves it")
 

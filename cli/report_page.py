@@ -5,13 +5,13 @@ from __future__ import annotations
 import base64
 import html
 import os
-import secrets
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from retarget.cli import figures, stick_figures
+from retarget.cli.plan import write_whole
 from retarget.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -53,13 +53,7 @@ def write_page(
     """Write the page of `sections` to `path`, whole or not at all. Raises `UsageError` when it exists and `overwrite` is not set."""
     if os.path.lexists(path) and not overwrite:
         raise UsageError(f"{path}: exists; --force replaces it")
-    part = path.with_name(f".retarget-{secrets.token_hex(6)}.part")
-    try:
-        part.write_text(page(sections, heading, note), encoding="utf-8")
-        part.replace(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    write_whole(path, page(sections, heading, note).encode())
 
 
 def page(sections: Sequence[Section], heading: str, note: str = "") -> str:
@@ -67,14 +61,14 @@ def page(sections: Sequence[Section], heading: str, note: str = "") -> str:
     return document(heading, note, [_overview(sections), *(_section(section) for section in sections)])
 
 
-def document(heading: str, note: str, parts: Sequence[str]) -> str:
-    """A whole page: `heading`, under it the line `note` ("" for none), then the HTML `parts`."""
+def document(heading: str, note: str, parts: Sequence[str], style: str = "") -> str:
+    """A whole page: `heading`, under it the line `note` ("" for none), then the HTML `parts`. style: CSS beyond that of all pages."""
     introduction = f'<p class="note">{html.escape(note)}</p>' if note else ""
     body = "\n".join([f"<h1>{html.escape(heading)}</h1>", introduction, *parts])
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{html.escape(heading)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+        f"<title>{html.escape(heading)}</title>\n<style>{CSS}{style}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import secrets
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -173,21 +172,14 @@ def _log(job: Job, model: RobotModel) -> Iterator[Any]:
     if not job.log:
         yield None
         return
-    from retarget.formats import ReplayLog
+    from retarget.formats import ReplayLog, new_file
 
     units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s", "position": "rad", "velocity": "rad/s"}
     units |= {"torque": "Nm", "constraint_torque": "Nm"}
     facts: dict[str, Any] = {"joint_names": list(model.joint_names), "robot": model.profile.name, "mode": job.mode}
     facts |= {"gains": job.gains, "feed_forward": job.feed_forward, "self_collision": job.self_collision}
-    target = Path(job.log)
-    part = target.with_name(f".retarget-{secrets.token_hex(6)}.part")
-    try:
-        with part.open("w+b") as stream, ReplayLog(stream, units, facts) as log:
-            yield lambda signals: log.append({name: getattr(signals, name) for name in units})
-        part.replace(target)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    with new_file(job.log) as stream, ReplayLog(stream, units, facts) as log:
+        yield lambda signals: log.append({name: getattr(signals, name) for name in units})
 
 
 def _read(job: Job, motion: HumanMotion | None) -> tuple[JointTrajectory, RobotModel, list[str]]:
@@ -238,12 +230,17 @@ def _joint_order(order: str, model: RobotModel) -> tuple[str, ...]:
 
     if order in match.ORDERS:
         return match.joint_order(model, order)
-    path = Path(order)
-    if not path.is_file():
-        raise UsageError(
-            f"--joint-order {order}: no such file; expected {', '.join(match.ORDERS)}, or a file with a joint's name a line"
-        )
-    return tuple(line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip())
+    try:
+        text = Path(order).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        reason = "no such file"
+    except (OSError, ValueError) as error:
+        reason = error.strerror.lower() if isinstance(error, OSError) and error.strerror else "not UTF-8 text"
+    else:
+        return tuple(line.strip() for line in text.splitlines() if line.strip())
+    raise UsageError(
+        f"--joint-order {order}: {reason}; expected {', '.join(match.ORDERS)}, or a file with a joint's name a line"
+    )
 
 
 @lru_cache(maxsize=8)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import base64
 import html
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from retarget.cli import figures
 from retarget.cli import validation_figures as plots
 from retarget.cli.plan import write_whole
-from retarget.cli.report_page import CSS
+from retarget.cli.report_page import document, picture
 from retarget.cli.summary import measured, number, remark
 from retarget.cli.validation_figures import Curves
 from retarget.core.errors import UsageError
@@ -20,14 +20,11 @@ from retarget.core.errors import UsageError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-STYLE = (
-    CSS
-    + """
+STYLE = """
 .ok { color: #2e7d32; } .verdict { font-weight: 600; } td.text { text-align: left; color: #5b636e; white-space: normal; min-width: 16rem; }
 .shots { display: grid; gap: .35rem; } .shots img { border-radius: 3px; } .shots div { text-align: center; font-size: .85rem; color: #5b636e; }
 .shots .row { text-align: left; font-weight: 600; color: #2b2f36; grid-column: 1 / -1; } .shots .worst { color: #b3261e; }
 """
-)
 MODES = {
     "kinematic": "kinematic mode: limits, jumps, collisions and feet, without dynamics",
     "fixed": "fixed base: the kinematic checks, then torque control of every joint in MuJoCo at 2 kHz",
@@ -57,24 +54,18 @@ class Section:
 
 def write_page(path: Path, sections: Sequence[Section], *, overwrite: bool = False) -> None:
     """Write the page of `sections` to `path`, whole or not at all. Raises `UsageError` when it exists and `overwrite` is not set."""
-    if path.exists() and not overwrite:
+    if os.path.lexists(path) and not overwrite:
         raise UsageError(f"{path}: exists; --force replaces it")
     write_whole(path, page(sections).encode())
 
 
 def page(sections: Sequence[Section]) -> str:
     """The HTML text."""
-    heading = "Validation report"
-    parts = [f"<h1>{heading}</h1>", _overview(sections)]
+    parts = [_overview(sections)]
     if len(sections) > 1:
         parts.append(_side_by_side(sections))
     parts += [_section(section) for section in sections]
-    body = "\n".join(parts)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{heading}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
-    )
+    return document("Validation report", "", parts, STYLE)
 
 
 def _overview(sections: Sequence[Section]) -> str:
@@ -199,12 +190,4 @@ def _cells(section: Section, columns: int) -> str:
 
 
 def _figures(made: Sequence[tuple[str, str, Figure | None]], title: str) -> list[str]:
-    parts = []
-    for name, caption, figure in made:
-        if figure is None:
-            continue
-        data = base64.b64encode(figures.svg(figure)).decode()
-        # An image of its own, not inline SVG: identifiers of several figures in one document would collide.
-        image = f'<img alt="{html.escape(f"{name}, {title}")}" src="data:image/svg+xml;base64,{data}">'
-        parts.append(f'<figure><h3>{html.escape(name)}</h3><p class="note">{html.escape(caption)}</p>{image}</figure>')
-    return parts
+    return [picture(name, caption, figure, f"{name}, {title}") for name, caption, figure in made if figure is not None]

@@ -7,7 +7,6 @@ import ctypes
 import ctypes.util
 import io
 import os
-import secrets
 import sys
 from collections.abc import Iterable
 from fractions import Fraction
@@ -43,28 +42,23 @@ def check_installed() -> None:
 def write_mp4(path: Path, images: Iterable[Any], rate_hz: int) -> None:
     """Write images (height, width, 3) uint8, even sizes, as MP4 at `path`: whole, or not at all."""
     import av
+    from retarget.formats import new_file
 
     codec = next((name for name in CODECS if name in av.codecs_available), None)
     if codec is None:
         raise UsageError(f"--video: this PyAV has no encoder for MP4; expected one of {', '.join(CODECS)}")
-    part = path.with_name(f".retarget-{secrets.token_hex(6)}.part")
-    try:
-        with av.open(str(part), "w", format="mp4") as container:
-            stream: Any = None
-            for image in images:
-                if stream is None:
-                    stream = container.add_stream(codec, rate=Fraction(rate_hz))
-                    stream.height, stream.width = image.shape[:2]
-                    stream.pix_fmt = "yuv420p"
-                for packet in stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")):
-                    container.mux(packet)
-            if stream is not None:
-                for packet in stream.encode():
-                    container.mux(packet)
-        part.replace(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    with new_file(path) as file, av.open(file, "w", format="mp4") as container:
+        stream: Any = None
+        for image in images:
+            if stream is None:
+                stream = container.add_stream(codec, rate=Fraction(rate_hz))
+                stream.height, stream.width = image.shape[:2]
+                stream.pix_fmt = "yuv420p"
+            for packet in stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")):
+                container.mux(packet)
+        if stream is not None:
+            for packet in stream.encode():
+                container.mux(packet)
 
 
 def png(image: Any, colours: int = 128) -> bytes:

@@ -211,9 +211,7 @@ def _traced(
         raise BadMessage(index, error) from error
 
 
-def _samples(
-    cursor: _Tracer, found: _Found, rows: NDArray[np.uint8], message: NDArray[np.int64]
-) -> Iterator[Samples]:
+def _samples(cursor: _Tracer, found: _Found, rows: NDArray[np.uint8], message: NDArray[np.int64]) -> Iterator[Samples]:
     """What messages hold whose bytes are `rows` and whose layout is that of the one that `cursor` read."""
     for pose, stamp_at, values_at in found:
         times = _numbers(rows, stamp_at, 8, cursor.order + ("u4" if cursor.ros1 else "i4"))

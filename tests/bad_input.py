@@ -236,6 +236,17 @@ def _trackers_left_out(path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(b"POSE", b"IMU"))
 
 
+def _ros(name: str, data: Callable[[], bytes], without_poses: Change, other: str) -> Sample:
+    """A ROS recording of trackers in one file. other: the format whose file takes its place."""
+    return Sample(
+        name,
+        _bytes(data),
+        TRACKERS,
+        {NOT_FINITE: NAN_POSE, MISSING: without_poses, WRONG_KIND: instead(lambda: corpus.written(other))},
+    )
+
+
+NAN_POSE = replaced(double(1.0), double(np.nan), -1)
 NAN_JOINT = replaced(double(float(corpus.trajectory().position[1, 1])), double(np.nan))
 NOT_FINITE, MISSING, BACKWARDS, WRONG_KIND = "not finite", "missing part", "backwards", "wrong kind"
 SAMPLES: Mapping[str, Sample] = {
@@ -274,46 +285,21 @@ SAMPLES: Mapping[str, Sample] = {
         },
         kept=0.02,  # in the first line: real logs end in the middle of one
     ),
-    "rosbag": Sample(
-        "walk.bag",
-        _bytes(lambda: ros_seeds.bags()[0]),
-        TRACKERS,
-        {
-            NOT_FINITE: replaced(double(1.0), double(np.nan), -1),
-            MISSING: instead(lambda: ros_seeds.talk()),
-            WRONG_KIND: instead(lambda: corpus.written("csv")),
-        },
-    ),
-    "rosbag of ROS 2": Sample(
-        "walk.db3",
-        _bytes(lambda: ros_seeds.databases()[0]),
-        TRACKERS,
-        {
-            NOT_FINITE: replaced(double(1.0), double(np.nan), -1),
-            MISSING: sql("DELETE FROM messages"),
-            WRONG_KIND: instead(lambda: corpus.written("csv")),
-        },
-    ),
+    "rosbag": _ros("walk.bag", lambda: ros_seeds.bags()[0], instead(lambda: ros_seeds.talk()), "csv"),
+    "rosbag of ROS 2": _ros("walk.db3", lambda: ros_seeds.databases()[0], sql("DELETE FROM messages"), "csv"),
     "rosbag of a folder": Sample(
         "walk",
         _person_folder,
         TRACKERS,
         {
-            NOT_FINITE: within("walk.db3", replaced(double(1.0), double(np.nan), -1)),
+            NOT_FINITE: within("walk.db3", NAN_POSE),
             MISSING: lambda path: (path / "walk.db3").unlink(),
             WRONG_KIND: other_folder(_text_folder),
         },
         part="walk.db3",
     ),
-    "mcap of a person": Sample(
-        "walk.mcap",
-        _bytes(lambda: ros_seeds.mcaps()[0]),
-        TRACKERS,
-        {
-            NOT_FINITE: replaced(double(1.0), double(np.nan), -1),
-            MISSING: instead(lambda: ros_seeds.empty_mcap()),
-            WRONG_KIND: instead(lambda: corpus.written("mcap")),
-        },
+    "mcap of a person": _ros(
+        "walk.mcap", lambda: ros_seeds.mcaps()[0], instead(lambda: ros_seeds.empty_mcap()), "mcap"
     ),
     "mcap": Sample(
         "walk.mcap",

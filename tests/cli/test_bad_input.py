@@ -109,6 +109,9 @@ REFUSED: dict[str, tuple[list[str], str]] = {
     "no pipe for HDF5": (["walk.mvnx", "--robot", "g1", "-o", "-", "--format", "hdf5"], "hdf5 can't be written to a pipe"),
     "separator alone": (["walk.mvnx", "--robot", "g1", "-0"], "give --files-from too"),
     "empty list": (["--files-from", "empty", "--robot", "g1"], "--files-from empty: lists no file"),
+    "output name too long": (["walk.mvnx", "--robot", "g1", "-o", f"{'x' * 400}.mcap"], "File name too long"),
+    "report name too long": (["walk.mvnx", "--robot", "g1", "--report", f"{'x' * 400}.html"], "File name too long"),
+    "shard of too many digits": (["walk.mvnx", "--robot", "g1", "--shard", f"1/{'9' * 5000}"], "expected I/N with 1 ≤ I ≤ N"),
     "missing list": (["--files-from", "nolist", "--robot", "g1"], "nolist: no such file"),
 }  # fmt: skip
 

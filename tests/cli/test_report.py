@@ -6,7 +6,6 @@ import base64
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,9 +19,9 @@ from retarget.core.errors import UsageError
 from retarget.core.pipeline import ConvertOptions, ConvertResult, convert
 from retarget.core.robot_model import RobotModel, build
 
-Run = Callable[..., Result]
+from tests.cli.html_page import Page
 
-VOID = {"meta", "img", "br", "hr", "link"}
+Run = Callable[..., Result]
 
 
 @pytest.fixture(scope="module")
@@ -40,28 +39,6 @@ def result(model: RobotModel) -> ConvertResult:
 def text(result: ConvertResult, model: RobotModel) -> str:
     """A page of one section."""
     return report_page.page([report_page.Section("a <walk> & more", result, model, "walk.mcap")], "Report")
-
-
-class Page(HTMLParser):
-    """Checks that tags nest, and collects what the page refers to."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.references: list[str] = []
-        self.tags: list[str] = []
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.references += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "action", "data")]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
 
 
 def test_the_page_is_self_contained_and_well_formed(text: str, result: ConvertResult, model: RobotModel) -> None:

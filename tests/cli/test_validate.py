@@ -277,6 +277,7 @@ REFUSED: dict[str, tuple[list[str], int, str]] = {
         ["line.csv", "--csv-style", "unitree", "--robot", "g1", "--rate", "30"], 1, "found 7 columns of the root and 2 of joints; expected 29"),
     "headerless without rate": (["line.csv", "--csv-style", "unitree", "--robot", "g1"], 2, "expected a rate in Hz"),
     "headerless unsaid": (["line.csv", "--robot", "g1"], 1, "without a header"),
+    "joint order that is no text": (["line.csv", "--joint-order", "wave.mcap", "--robot", "g1"], 2, "--joint-order wave.mcap: not UTF-8 text; expected urdf, isaac"),
     "joint order": (["line.csv", "--joint-order", "isac", "--robot", "g1"], 2, "--joint-order isac: no such file; expected urdf, isaac"),
     "npz that names no joints": (["mimic.npz", "--robot", "g1"], 1, "no array 'joint_names'"),
 }  # fmt: skip

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import re
 import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -26,8 +23,9 @@ from retarget.cli.validation_page import Section, Shot
 from retarget.cli.validation_views import _pooled
 from retarget.core.errors import UsageError
 
+from tests.cli.html_page import Page, check_self_contained
+
 Run = Callable[..., Result]
-VOID = {"meta", "img", "br", "hr", "link"}
 JOINTS = ("neck", "left_elbow", "right_elbow", "left_knee")
 FAULT_S, FAULT_JOINT = 2.5, 1
 
@@ -88,51 +86,6 @@ def picture(colour: tuple[int, int, int]) -> bytes:
 def section() -> Section:
     shots = (Shot(0.0, picture((0, 90, 200))), Shot(2.5, picture((200, 90, 0)), "left_elbow"))
     return Section("a <walk>.mcap", record(), curves(), shots)
-
-
-class Page(HTMLParser):
-    """Checks that tags nest, and collects what the page refers to and what it says."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.references: list[str] = []
-        self.tags: list[str] = []
-        self.words = ""
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.references += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "action", "data")]
-        assert not [name for name, _ in attrs if name.startswith("on")], "a script in an attribute"
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.words += data
-
-
-def check_self_contained(text: str) -> Page:
-    page = Page(text)
-    assert not {"script", "link", "iframe", "object"} & set(page.tags)
-    assert "url(" not in text
-    assert "@import" not in text
-    for reference in page.references:
-        kind, _, data = reference.partition(",")
-        assert kind in ("data:image/svg+xml;base64", "data:image/png;base64")
-        if kind.startswith("data:image/svg"):
-            drawing = ElementTree.fromstring(base64.b64decode(data))
-            assert drawing.tag == "{http://www.w3.org/2000/svg}svg"
-            links = [v for element in drawing.iter() for name, v in element.attrib.items() if name.endswith("href")]
-            assert all(link.startswith(("#", "data:image/png;base64,")) for link in links)
-        else:
-            Image.open(io.BytesIO(base64.b64decode(data))).verify()
-    return page
 
 
 def test_the_page_is_self_contained_and_names_the_fault(section: Section) -> None:

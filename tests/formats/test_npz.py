@@ -13,6 +13,8 @@ from retarget import formats
 from retarget.core.errors import FormatError
 from retarget.core.types import JointTrajectory
 
+from tests.formats.pickle_bomb import Bomb
+
 Maker = Callable[..., JointTrajectory]
 
 
@@ -134,19 +136,6 @@ def test_files_not_of_these_keys(changes: dict[str, Any], message: str) -> None:
         read(foreign(**changes))
     assert str(caught.value).startswith("walk.npz")
     assert "\n" not in str(caught.value)
-
-
-class Bomb:
-    """Pickles as a call that would leave a trace."""
-
-    ran = False
-
-    def __reduce__(self) -> tuple[Callable[[], None], tuple[()]]:
-        return _explode, ()
-
-
-def _explode() -> None:
-    Bomb.ran = True
 
 
 def test_pickle_is_never_run() -> None:

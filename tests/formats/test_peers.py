@@ -15,6 +15,8 @@ from retarget.core.errors import FormatError, RetargetError, UnknownNameError, U
 from retarget.core.types import JointTrajectory
 from retarget.formats import TrajectoryOptions
 
+from tests.formats.pickle_bomb import Bomb
+
 Maker = Callable[..., JointTrajectory]
 NAMES = ("left_hip", "left_knee")
 
@@ -167,17 +169,6 @@ def test_arrays_that_are_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(FormatError, match=message):
         gmr(**changes)
     assert gmr(TrajectoryOptions(joint_names=NAMES, rate_hz=30), fps=...).rate_hz == pytest.approx(30)
-
-
-class Bomb:
-    ran = False
-
-    def __reduce__(self) -> tuple[Callable[[], None], tuple[()]]:
-        return _explode, ()
-
-
-def _explode() -> None:
-    Bomb.ran = True
 
 
 @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))

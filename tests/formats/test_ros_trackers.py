@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -18,12 +17,12 @@ from retarget.formats import TrackerOptions, _frame_map
 from rosbags.typesys import get_types_from_msg
 from scipy.spatial.transform import Rotation
 
+from tests.formats import protobuf
 from tests.formats.ros_recordings import (
     EVO_BAG,
     EVO_FOLDER,
     START_NS,
     VICON_BAG,
-    Array,
     Ros,
     Sent,
     mcap_bytes,
@@ -214,40 +213,14 @@ def _pose_in_frame(item: dict[str, Any]) -> dict[str, Any]:
     return {"timestamp": item["timestamp"], "frame_id": "room", "pose": pose}
 
 
-def _length(data: bytes) -> bytes:
-    """A field's length as a varint: seven bits a byte, the lowest first."""
-    size, out = len(data), b""
-    while size > 0x7F:
-        out += bytes([size & 0x7F | 0x80])
-        size >>= 7
-    return out + bytes([size]) + data
-
-
-def _doubles(values: Array) -> bytes:
-    """Fields 1, 2 … of doubles; as Protobuf does, zeros are left out."""
-    return b"".join(bytes([8 * (i + 1) + 1]) + struct.pack("<d", v) for i, v in enumerate(values) if v)
-
-
-def _varint(value: int) -> bytes:
-    out = b""
-    while value > 0x7F:
-        out += bytes([value & 0x7F | 0x80])
-        value >>= 7
-    return out + bytes([value])
-
-
 def _foxglove_protobuf(frame: int, stamp: int) -> bytes:
-    seconds, rest = divmod(stamp, 10**9)
-    time = b"\x08" + _varint(seconds) + b"\x10" + _varint(rest)
-    parts = [time, b"room", b"waist", _doubles(POSITION[frame]), _doubles(WXYZ[frame][[1, 2, 3, 0]])]
-    return b"".join(bytes([8 * (i + 1) + 2]) + _length(part) for i, part in enumerate(parts))
+    place, turned = protobuf.doubles(POSITION[frame]), protobuf.doubles(WXYZ[frame][[1, 2, 3, 0]])
+    return protobuf.fields(protobuf.stamp(stamp), b"room", b"waist", place, turned)
 
 
 def _foxglove_pose_protobuf(frame: int, stamp: int) -> bytes:
-    seconds, rest = divmod(stamp, 10**9)
-    time = b"\x08" + _varint(seconds) + b"\x10" + _varint(rest)
-    pose = b"\x0a" + _length(_doubles(POSITION[frame])) + b"\x12" + _length(_doubles(WXYZ[frame][[1, 2, 3, 0]]))
-    return b"".join(bytes([8 * (i + 1) + 2]) + _length(part) for i, part in enumerate([time, b"room", pose]))
+    place, turned = protobuf.doubles(POSITION[frame]), protobuf.doubles(WXYZ[frame][[1, 2, 3, 0]])
+    return protobuf.fields(protobuf.stamp(stamp), b"room", protobuf.fields(place, turned))
 
 
 def _foxglove_cdr(name: str, frame: int, stamp: int) -> bytes:
@@ -284,7 +257,7 @@ FOXGLOVE: list[tuple[str, str, str, Callable[[int, int], bytes]]] = [
     ("FrameTransforms", "json", "/tf", lambda f, s: json.dumps({"transforms": [_foxglove_json(f, s)]}).encode()),
     ("PoseInFrame", "json", "/waist", lambda f, s: json.dumps(_pose_in_frame(_foxglove_json(f, s))).encode()),
     ("FrameTransform", "protobuf", "/tf", _foxglove_protobuf),
-    ("FrameTransforms", "protobuf", "/tf", lambda f, s: b"\x0a" + _length(_foxglove_protobuf(f, s))),
+    ("FrameTransforms", "protobuf", "/tf", lambda f, s: protobuf.fields(_foxglove_protobuf(f, s))),
     ("PoseInFrame", "protobuf", "/waist", _foxglove_pose_protobuf),
     ("FrameTransform", "cdr", "/tf", lambda f, s: _foxglove_cdr("FrameTransform", f, s)),
     ("FrameTransforms", "cdr", "/tf", lambda f, s: _foxglove_cdr("FrameTransforms", f, s)),

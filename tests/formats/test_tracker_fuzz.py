@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from retarget.core.errors import RetargetError
+from retarget.formats import _vive_columns
 
 from tests.formats.test_fuzz import damaged
 from tests.formats.tracker_logs import POSE, read, text, wandering, wide
@@ -137,21 +138,7 @@ def test_any_cells_below_a_header(
             | st.dictionaries(st.sampled_from(["x", "y", "z", "qw", "valid", "unit", "a"]), inner, max_size=5)
         ),
     ),
-    st.sampled_from(
-        [
-            "delimiter",
-            "skip_lines",
-            "header",
-            "rate_hz",
-            "up",
-            "time",
-            "time_unit",
-            "device",
-            "trackers",
-            "columns",
-            "roles",
-        ]
-    ),
+    st.sampled_from(_vive_columns._TOP),
 )
 def test_any_value_in_a_columns_file(value: Any, key: str) -> None:
     refuses(LOGS["columns"][0], {"columns": COLUMNS | {key: value}})

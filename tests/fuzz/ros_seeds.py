@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import sqlite3
-import struct
 import tempfile
 from collections.abc import Sequence
 from functools import cache
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
+from tests.formats import protobuf
 from tests.formats.ros_recordings import (
     LINK_STATE,
     LINK_STATE_ARRAY,
@@ -248,26 +248,7 @@ def _json_messages(stamp: int, at: list[float], xyzw: list[float]) -> tuple[byte
 
 
 def _protobuf_messages(stamp: int, at: list[float], xyzw: list[float]) -> tuple[bytes, bytes]:
-    seconds, nanoseconds = divmod(stamp, 10**9)
-    time = b"\x08" + _varint(seconds) + b"\x10" + _varint(nanoseconds)
-    transform = _fields(time, b"world", b"waist", _doubles(at), _doubles(xyzw))
-    pose = _fields(time, b"world", _fields(_doubles(at), _doubles(xyzw)))
-    return _fields(transform), pose
-
-
-def _fields(*parts: bytes) -> bytes:
-    """Fields 1, 2 … of bytes."""
-    return b"".join(bytes([8 * i + 2]) + _varint(len(part)) + part for i, part in enumerate(parts, 1))
-
-
-def _doubles(values: Sequence[float]) -> bytes:
-    return b"".join(bytes([8 * i + 1]) + struct.pack("<d", value) for i, value in enumerate(values, 1))
-
-
-def _varint(value: int) -> bytes:
-    """Seven bits a byte, the lowest first."""
-    out = b""
-    while value > 0x7F:
-        out += bytes([value & 0x7F | 0x80])
-        value >>= 7
-    return out + bytes([value])
+    time, values = protobuf.stamp(stamp), [protobuf.doubles(part, zeros=True) for part in (at, xyzw)]
+    transform = protobuf.fields(time, b"world", b"waist", *values)
+    pose = protobuf.fields(time, b"world", protobuf.fields(*values))
+    return protobuf.fields(transform), pose

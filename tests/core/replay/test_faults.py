@@ -18,6 +18,8 @@ from retarget.core.replay.thresholds import Thresholds
 from retarget.core.report import ValidationReport
 from retarget.core.types import JointTrajectory
 
+from tests.trajectory_fields import ARRAYS
+
 Clip = Callable[..., tuple[JointTrajectory, Any]]
 A_STEP_S = (1.6, 2.6)
 Walking = tuple[JointTrajectory, Any]
@@ -327,16 +329,7 @@ def test_lost_frames_and_marked_frames(walking: Walking) -> None:
     keep = np.r_[0:400, 406 : good.frames]
     status = np.zeros(len(keep), np.int8)
     status[[100, 101]] = 1
-    arrays = (
-        "time",
-        "position",
-        "velocity",
-        "base_position",
-        "base_orientation",
-        "base_linear_velocity",
-        "base_angular_velocity",
-    )
-    report = kinematic.check_numbers(replace(good, status=status, **{n: getattr(good, n)[keep] for n in arrays}), model)
+    report = kinematic.check_numbers(replace(good, status=status, **{n: getattr(good, n)[keep] for n in ARRAYS}), model)
     gap, marked = report.check("time_gap_ratio"), report.check("marked_frames")
     assert gap.value == pytest.approx(7)
     assert (gap.passed, gap.time_s) == (False, good.time[399])
