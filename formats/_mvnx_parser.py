@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from retarget.core.errors import FormatError
 from retarget.core.types import Array
 from retarget.formats._byte_chunks import read_chunks
+from retarget.formats._mvnx_column import Column
 from retarget.formats._mvnx_header import MAX_DEPTH, HeaderReader, MvnxHeader, local_name, one_line
-from retarget.formats._number_text import RowError, parse_rows
+from retarget.formats._number_text import RowError
 
 REFERENCE_FRAMES = ("npose", "identity")
 """Frame types that hold the orientations in which a version's segment frames show the T-pose."""
@@ -29,7 +30,6 @@ REFERENCE_FRAMES = ("npose", "identity")
 _MAX_TOKEN_BYTES = 16 << 20
 _MAX_INDEX = 10**12
 _PIECE_BYTES = 50  # what a string needs besides its characters
-_GROW_BYTES = 8 << 20
 
 
 @dataclass(frozen=True)
@@ -103,65 +103,6 @@ def parse_mvnx_parts(stream: BinaryIO, name: str, first_s: float, frames: int, a
     yield MvnxPart(recording, low, slice(begin - low, len(index) - low), index, True)
 
 
-class _Column:
-    """One field's values over all frames: texts of the current chunk, and the array that they go to."""
-
-    def __init__(self, field: str, width: int, expected: str) -> None:
-        self.field, self.width, self.expected = field, width, expected
-        self.values = np.empty((0, width))
-        self.first = 0  # the frame in the array's first row: those before were dropped
-        self.last = -1  # newest frame that has the field
-        self.texts: list[str] = []  # one for each frame of `frames`, the last one perhaps in several pieces so far
-        self.frames: list[int] = []
-        self.lines: list[int] = []
-        self.add_text = self.texts.append
-
-    def end(self) -> None:
-        """The field that was begun last is complete."""
-        if len(self.texts) != len(self.frames):
-            first = len(self.frames) - 1
-            self.texts[first:] = ["".join(self.texts[first:])]
-
-    def convert(self, frames: int, *, open_field: bool) -> None:
-        """Turn the texts, except that of a field still open, into rows of the array; `frames` have begun so far.
-
-        Raises `RowError`.
-        """
-        count = len(self.frames) - open_field
-        if not count:
-            return
-        rows = parse_rows(self.texts[:count], self.width)
-        self._grow(frames)
-        places = np.array(self.frames[:count]) - self.first
-        first, last = int(places[0]), int(places[-1])
-        self.values[slice(first, last + 1) if last - first + 1 == count else places] = rows
-        del self.texts[:count], self.frames[:count], self.lines[:count]
-
-    def finish(self, frames: int) -> Array:
-        """The array, with exactly the rows that are held of `frames`."""
-        self._grow(frames)
-        self.values.resize((frames - self.first, self.width), refcheck=False)
-        return self.values
-
-    def rows(self, first: int, stop: int) -> Array:
-        """A copy of the rows of frames `first` to `stop` - 1, all of which are complete and held."""
-        self._grow(stop)
-        return self.values[first - self.first : stop - self.first].copy()
-
-    def drop(self, before: int) -> None:
-        """Hold the rows of frames from `before` on only."""
-        self.values = self.values[before - self.first :].copy()
-        self.first = before
-
-    def _grow(self, frames: int) -> None:
-        have, needed = len(self.values), frames - self.first
-        if needed > have:
-            # In place, and by bounded steps: a list of blocks would need twice the memory at the end.
-            step = min(have // 4, _GROW_BYTES // (8 * max(self.width, 1)))
-            self.values.resize((max(needed, have + step), self.width), refcheck=False)
-            self.values[have:] = np.nan
-
-
 class _Parser:
     """The events of one document. Outside `<frames>` they go to a `HeaderReader`, inside to the columns here."""
 
@@ -176,8 +117,8 @@ class _Parser:
         self.head = HeaderReader(self.expat, self._error)
         self.bytes_fed = 0
 
-        self.wanted: dict[str, dict[str, _Column]] = {}  # frame type → local name of a field → its column
-        self.met: dict[str, dict[str, _Column | None]] = {}  # the same by qualified name, as met so far; None = skip
+        self.wanted: dict[str, dict[str, Column]] = {}  # frame type → local name of a field → its column
+        self.met: dict[str, dict[str, Column | None]] = {}  # the same by qualified name, as met so far; None = skip
         self.frame_count: dict[str, int] = {}  # frames begun, by type
         self.index = array("q")  # of normal frames
         self.indexed = True
@@ -185,10 +126,10 @@ class _Parser:
 
         self.level = 0  # 0 in <frames>, 1 in <frame>, 2 in a field
         self.frame_type = ""
-        self.columns: dict[str, _Column | None] | None = (
+        self.columns: dict[str, Column | None] | None = (
             None  # those of `met` for the current frame; None = skip the frame
         )
-        self.column: _Column | None = None  # of the field that is open
+        self.column: Column | None = None  # of the field that is open
 
     def feed(self, chunk: bytes) -> None:
         """Take the next bytes of the document."""
@@ -317,13 +258,13 @@ class _Parser:
         self.head.end()
 
     def _start_frames(self, header: MvnxHeader) -> None:
-        def segment_values(field: str, width: int) -> _Column:
+        def segment_values(field: str, width: int) -> Column:
             count = len(header.labels)
-            return _Column(field, width * count, f"{width * count} values, {width} for each of {count} segments")
+            return Column(field, width * count, f"{width * count} values, {width} for each of {count} segments")
 
         normal = [segment_values("orientation", 4), segment_values("position", 3), segment_values("angularVelocity", 3)]
         if contacts := len(header.contacts):
-            normal.append(_Column("footContacts", contacts, f"{contacts} values, one a contactDefinition"))
+            normal.append(Column("footContacts", contacts, f"{contacts} values, one a contactDefinition"))
         self.wanted = {kind: {"orientation": segment_values("orientation", 4)} for kind in REFERENCE_FRAMES}
         self.wanted["normal"] = {column.field: column for column in normal}
         self.met = {kind: {} for kind in self.wanted}
@@ -396,7 +337,7 @@ class _Parser:
             raise self._error(f"frame index {index} after {self.index[-1]}", "increasing numbers")
         return index
 
-    def _start_field(self, column: _Column) -> None:
+    def _start_field(self, column: Column) -> None:
         frame = self.frame_count[self.frame_type] - 1
         if column.last == frame:
             raise self._frame_error(f"a second <{column.field}>", "one")
@@ -406,7 +347,7 @@ class _Parser:
         self.column = column
         self.expat.CharacterDataHandler = column.add_text
 
-    def _end_frame(self, orientation: _Column) -> None:
+    def _end_frame(self, orientation: Column) -> None:
         if orientation.last != self.frame_count[self.frame_type] - 1:
             raise self._frame_error("no <orientation>", orientation.expected)
         self.whole_frames += self.frame_type == "normal"

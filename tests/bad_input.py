@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from retarget import formats
 
 from tests.formats.ros_recordings import Ros, Sent, write_folder
-from tests.fuzz import corpus, ros_seeds
+from tests.fuzz import ros_seeds, seeds
 
 Change = Callable[[Path], None]
 DATA = "data/chunk-000/file-000.parquet"
@@ -168,7 +168,7 @@ def noise() -> bytes:
 
 
 def _robot_folder(path: Path) -> None:
-    formats.write_trajectory(path, corpus.trajectory(), format="rosbag2")
+    formats.write_trajectory(path, seeds.trajectory(), format="rosbag2")
 
 
 def _person_folder(path: Path) -> None:
@@ -176,7 +176,7 @@ def _person_folder(path: Path) -> None:
 
 
 def _dataset(path: Path) -> None:
-    formats.write_trajectory(path, corpus.trajectory(), format="lerobot")
+    formats.write_trajectory(path, seeds.trajectory(), format="lerobot")
 
 
 def _text_folder(path: Path) -> None:
@@ -185,7 +185,7 @@ def _text_folder(path: Path) -> None:
 
 
 def _mvnx() -> bytes:
-    return corpus.short_mvnx("walk.mvnx.gz", 6)
+    return seeds.short_mvnx("walk.mvnx.gz", 6)
 
 
 def _swapped_lines(first: int, second: int) -> Change:
@@ -242,12 +242,12 @@ def _ros(name: str, data: Callable[[], bytes], without_poses: Change, other: str
         name,
         _bytes(data),
         TRACKERS,
-        {NOT_FINITE: NAN_POSE, MISSING: without_poses, WRONG_KIND: instead(lambda: corpus.written(other))},
+        {NOT_FINITE: NAN_POSE, MISSING: without_poses, WRONG_KIND: instead(lambda: seeds.written(other))},
     )
 
 
 NAN_POSE = replaced(double(1.0), double(np.nan), -1)
-NAN_JOINT = replaced(double(float(corpus.trajectory().position[1, 1])), double(np.nan))
+NAN_JOINT = replaced(double(float(seeds.trajectory().position[1, 1])), double(np.nan))
 NOT_FINITE, MISSING, BACKWARDS, WRONG_KIND = "not finite", "missing part", "backwards", "wrong kind"
 SAMPLES: Mapping[str, Sample] = {
     "mvnx": Sample(
@@ -258,30 +258,30 @@ SAMPLES: Mapping[str, Sample] = {
             NOT_FINITE: _no_pelvis,
             MISSING: replaced(b"orientation>", b"other>", -1),
             BACKWARDS: _turned_back,
-            WRONG_KIND: instead(lambda: corpus.written("mcap")),
+            WRONG_KIND: instead(lambda: seeds.written("mcap")),
         },
     ),
     "vive": Sample(
         "log.csv",
-        _bytes(lambda: corpus.tracker_log("wide")),
+        _bytes(lambda: seeds.tracker_log("wide")),
         TRACKERS,
         {
             NOT_FINITE: _never_tracked,
             MISSING: replaced(b"time_s", b"weather"),
             BACKWARDS: _swapped_lines(1, 3),
-            WRONG_KIND: instead(lambda: corpus.written("csv")),
+            WRONG_KIND: instead(lambda: seeds.written("csv")),
         },
         kept=0.02,  # in the header: a last row that is cut is left out and told
     ),
     "libsurvive": Sample(
         "log.rec",
-        _bytes(lambda: corpus.tracker_log("libsurvive")),
+        _bytes(lambda: seeds.tracker_log("libsurvive")),
         TRACKERS,
         {
             NOT_FINITE: replaced(b"POSE 0.1", b"POSE nan", -1),
             MISSING: _trackers_left_out,
             BACKWARDS: _swapped_lines(0, 8),
-            WRONG_KIND: instead(lambda: corpus.written("csv")),
+            WRONG_KIND: instead(lambda: seeds.written("csv")),
         },
         kept=0.02,  # in the first line: real logs end in the middle of one
     ),
@@ -303,7 +303,7 @@ SAMPLES: Mapping[str, Sample] = {
     ),
     "mcap": Sample(
         "walk.mcap",
-        _bytes(corpus.unchecked_mcap),
+        _bytes(seeds.unchecked_mcap),
         TRAJECTORY,
         {
             NOT_FINITE: NAN_JOINT,
@@ -316,7 +316,7 @@ SAMPLES: Mapping[str, Sample] = {
         _robot_folder,
         TRAJECTORY,
         {
-            NOT_FINITE: within("trajectory_0.mcap", _then(instead(corpus.unchecked_mcap), NAN_JOINT)),
+            NOT_FINITE: within("trajectory_0.mcap", _then(instead(seeds.unchecked_mcap), NAN_JOINT)),
             MISSING: lambda path: (path / "trajectory_0.mcap").unlink(),
             WRONG_KIND: other_folder(_text_folder),
         },
@@ -324,7 +324,7 @@ SAMPLES: Mapping[str, Sample] = {
     ),
     "hdf5": Sample(
         "walk.h5",
-        _bytes(corpus.foreign_hdf5),
+        _bytes(seeds.foreign_hdf5),
         TRAJECTORY,
         {
             NOT_FINITE: datasets(joint__position=with_nan),
@@ -335,18 +335,18 @@ SAMPLES: Mapping[str, Sample] = {
     ),
     "csv": Sample(
         "walk.csv",
-        _bytes(lambda: corpus.written("csv")),
+        _bytes(lambda: seeds.written("csv")),
         TRAJECTORY,
         {
             NOT_FINITE: replaced(b"0.852108021949363", b"nan"),
             MISSING: _column_left_out(2),
             BACKWARDS: _swapped_lines(1, 3),
-            WRONG_KIND: instead(lambda: corpus.tracker_log("wide")),
+            WRONG_KIND: instead(lambda: seeds.tracker_log("wide")),
         },
     ),
     "npz": Sample(
         "walk.npz",
-        _bytes(lambda: corpus.written("npz")),
+        _bytes(lambda: seeds.written("npz")),
         TRAJECTORY,
         {
             NOT_FINITE: arrays(joint_pos=with_nan),

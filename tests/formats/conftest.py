@@ -1,4 +1,4 @@
-"""Trajectories for the tests of formats."""
+"""Trajectories and motions for the tests of formats."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from retarget.core import rotations
-from retarget.core.types import JointTrajectory
+from retarget.core.types import HumanMotion, JointTrajectory
+
+from tests.formats.mvnx_documents import about
 
 
 def _trajectory(frames: int = 6, joints: int = 3, *, rate_hz: float = 60.0, **changes: Any) -> JointTrajectory:
@@ -39,3 +41,21 @@ def _trajectory(frames: int = 6, joints: int = 3, *, rate_hz: float = 60.0, **ch
 def make_trajectory() -> Callable[..., JointTrajectory]:
     """Makes a trajectory of so many frames and joints with every field set; keywords replace fields."""
     return _trajectory
+
+
+@pytest.fixture
+def moving(make_motion: Callable[..., HumanMotion]) -> HumanMotion:
+    """A person who turns left by 120°, bends, swings arms and steps, 40 frames at 60 Hz."""
+    time = np.arange(40) / 60
+    turn = np.linspace(0, 120, 40)
+    heading = about("z", turn)
+    world = {
+        "Pelvis": heading,
+        "T8": rotations.multiply(heading, about("y", turn / 4)),
+        "RightUpperArm": rotations.multiply(heading, about("x", 60 - turn)),
+        "LeftForeArm": rotations.multiply(heading, about("z", -turn / 2)),
+        "LeftHand": rotations.multiply(heading, about("y", turn)),
+        "RightUpperLeg": rotations.multiply(heading, about("y", -turn / 3)),
+    }
+    spin = np.tile([0.1, -0.2, np.radians(120) / time[-1]], (40, 23, 1))
+    return make_motion(time, world, pelvis=np.stack([time, 0 * time, 0.95 + 0 * time], 1), angular_velocity=spin)

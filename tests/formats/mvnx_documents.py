@@ -1,14 +1,18 @@
-"""Small MVNX documents of known content, written as text for the tests of the reader."""
+"""Small MVNX documents of known content, written as text for the tests of the reader, and read back."""
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable, Sequence
 from itertools import count
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from retarget.core import rotations
 from retarget.core.types import HumanMotion
+from retarget.formats.mvnx import describe, read_motion
 from scipy.spatial.transform import Rotation
 
 V3_TPOSE = {
@@ -122,3 +126,24 @@ PARENTS = {
     "RightUpperLeg": "Pelvis", "RightLowerLeg": "RightUpperLeg", "RightFoot": "RightLowerLeg", "RightToe": "RightFoot",
     "LeftUpperLeg": "Pelvis", "LeftLowerLeg": "LeftUpperLeg", "LeftFoot": "LeftLowerLeg", "LeftToe": "LeftFoot",
 }  # fmt: skip
+
+
+def read(text: str | bytes, name: str = "clip.mvnx") -> HumanMotion:
+    """The motion of a document."""
+    return read_motion(io.BytesIO(text.encode() if isinstance(text, str) else text), name)
+
+
+def facts(text: str) -> dict[str, Any]:
+    """What `retarget info` says of a document."""
+    return dict(describe(io.BytesIO(text.encode()), "clip.mvnx"))
+
+
+def about(axis: str, degrees: ArrayLike) -> NDArray[np.float64]:
+    """Quaternions wxyz (..., 4) of turns about a world axis."""
+    angles = np.asarray(degrees, float)[..., None] if len(axis) == 1 else degrees
+    return Rotation.from_euler(axis, angles, degrees=True).as_quat()[..., [3, 0, 1, 2]]
+
+
+def angle_deg(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """The largest angle between rotations."""
+    return float(np.degrees(rotations.angle(a, b)).max())

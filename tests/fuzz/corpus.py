@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import gzip
 import io
-import re
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -16,14 +15,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from retarget import formats, robots
 from retarget.core import calibration
 from retarget.core.replay.thresholds import Thresholds
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
 from retarget.formats import TrackerOptions, TrajectoryOptions
 
-from tests.fuzz import ros_seeds
+from tests.fuzz import ros_seeds, seeds
 from tests.fuzz.mutations import (
     Mutation,
     bomb,
@@ -50,152 +48,6 @@ class Target:
     cost: int = 1
 
 
-def sample(name: str) -> bytes:
-    """A file of `retarget.samples`."""
-    return files("retarget.samples").joinpath(name).read_bytes()
-
-
-def short_mvnx(name: str, frames: int = 4) -> bytes:
-    """A sample recording cut down to its first frames."""
-    text = gzip.decompress(sample(name))
-    ends = [match.end() for match in re.finditer(rb"</frame>\s*", text)]
-    return text[: ends[frames + 2]] + text[ends[-1] :]
-
-
-def trajectory(joints: int = 2, frames: int = 4) -> JointTrajectory:
-    """A small one with everything set."""
-    time = np.arange(frames) / 50.0
-    return JointTrajectory(
-        time=time,
-        joint_names=tuple(f"joint_{i}" for i in range(joints)),
-        position=np.sin(time[:, None] + np.arange(joints)),
-        velocity=np.cos(time[:, None] + np.arange(joints)),
-        base_position=np.zeros((frames, 3)) + time[:, None],
-        base_orientation=np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
-        base_linear_velocity=np.ones((frames, 3)),
-        base_angular_velocity=np.zeros((frames, 3)),
-        status=np.arange(frames) == 1,
-        base_frame="pelvis",
-        robot="g1",
-        provenance={"options": {"rate": 60}},
-        robot_description='<robot name="g1"><link name="pelvis"/></robot>',
-    )
-
-
-@cache
-def written(format_name: str, style: str | None = None) -> bytes:
-    """The small trajectory as a file of that format."""
-    out = io.BytesIO()
-    format_ = formats.get(format_name)
-    assert format_.write_trajectory is not None
-    format_.write_trajectory(out, trajectory(), style or format_.styles[0])
-    return out.getvalue()
-
-
-def unchecked_mcap() -> bytes:
-    """The MCAP without chunks and checksums, as some recorders write it: damage reaches the messages."""
-    import zstandard
-    from mcap.records import Chunk
-    from mcap.stream_reader import StreamReader
-
-    data = written("mcap")
-    chunks = [r for r in StreamReader(io.BytesIO(data), emit_chunks=True).records if isinstance(r, Chunk)]
-    content = b"".join(zstandard.decompress(chunk.data) for chunk in chunks)
-    header = b"\x01" + (8).to_bytes(8, "little") + bytes(8)
-    footer = b"\x02" + (20).to_bytes(8, "little") + bytes(20)
-    return data[:8] + header + content + footer + data[:8]
-
-
-def foreign_hdf5(*, checksums: bool = False, **changes: Any) -> bytes:
-    """The same layout as h5py writes it by default: metadata without checksums, texts in a heap; or with them. Named datasets replaced:
-    by an array, or by one that is declared of a shape and never written."""
-    import h5py
-
-    t = trajectory()
-    data = {
-        "time": t.time,
-        "joint/position": t.position,
-        "joint/velocity": t.velocity,
-        "base/position": t.base_position,
-        "base/orientation": t.base_orientation,
-        **changes,
-    }
-    out = io.BytesIO()
-    texts = {"schema": "retarget.trajectory/1", "quat_order": "wxyz", "joint_names": list(t.joint_names)}
-    with h5py.File(out, "w", libver=("v108", "v110") if checksums else None) as file:
-        for name, text in texts.items():
-            file.attrs[name] = np.array(text, "S") if checksums else text
-        for path, value in data.items():
-            if isinstance(value, tuple):
-                file.create_dataset(path, value, "f8", chunks=(1000,) * len(value))
-            else:
-                file[path] = value
-    return out.getvalue()
-
-
-def lying_npz() -> bytes:
-    """An array header that claims 8 TB."""
-    import zipfile
-
-    out = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(written("npz"))) as source, zipfile.ZipFile(out, "w") as archive:
-        for name in source.namelist():
-            content = source.read(name)
-            archive.writestr(
-                name, content.replace(b"(4, 2), }", b"(1000000000000, 2), }") if "joint_pos" in name else content
-            )
-    return out.getvalue()
-
-
-def npz_bomb(megabytes: int = 200) -> bytes:
-    """A megabyte or less that unpacks to much more."""
-    out = io.BytesIO()
-    np.savez_compressed(out, fps=50.0, joint_pos=np.zeros((megabytes << 16, 2)), joint_names=np.array(["a", "b"]))
-    return out.getvalue()
-
-
-def tracker_log(kind: str) -> bytes:
-    """A short log: "wide" and "long" columns, or lines of libsurvive."""
-    if kind == "wide":
-        return b"\n".join(sample("clap_trackers.csv").split(b"\n")[:5]) + b"\n"
-    if kind == "libsurvive":
-        return b"".join(
-            b"0.%d %s POSE 0.1 %d.2 1.%d 1 0 0 0\n" % (i, device, i, i) for i in range(8) for device in (b"HMD", b"T20")
-        )
-    rows = [b"%.2f,%s,0.%d,1.%d,0.3,1,0,0,0,1" % (i / 50, dev, i, i) for i in range(6) for dev in (b"waist", b"LHR-1")]
-    return b"\n".join([b"time,device,x,y,z,qw,qx,qy,qz,valid", *rows]) + b"\n"
-
-
-COLUMNS_TOML = b"""delimiter = "comma"
-skip_lines = 0
-header = true
-up = "y"
-handedness = "right"
-time = "time_s"
-time_unit = "s"
-
-[trackers.chest]
-x = "chest_x_m"
-y = "chest_y_m"
-z = 4
-qw = "chest_qw"
-qx = "chest_qx"
-qy = "chest_qy"
-qz = "chest_qz"
-unit = "m"
-valid = "chest_valid"
-role = "chest"
-
-[roles]
-"chest" = "T8"
-"""
-THRESHOLDS_TOML = b"""joint_jump_max_rad = 0.2
-[kinematic]
-ground_penetration_mm = 5
-acceleration_max_rad_s2 = "none"
-[fixed]
-joint_tracking_rmse_deg = 0.5
-"""
 ROLES_OPTIONS = TrackerOptions(up="y")
 HEADERLESS = TrajectoryOptions(style="unitree", rate_hz=50.0, joint_names=("a", "b"), quaternion_order=None)
 
@@ -264,7 +116,7 @@ def _bag_folder(name: str) -> Path:
     for file, content in ros_seeds.folder_files().items():
         if not file.endswith(".yaml"):
             (folder / file).write_bytes(content)
-    (folder / "trajectory_0.mcap").write_bytes(written("mcap"))
+    (folder / "trajectory_0.mcap").write_bytes(seeds.written("mcap"))
     return folder
 
 
@@ -290,7 +142,7 @@ def _bag_storage(kind: str) -> Callable[[bytes], Any]:
 def _own_metadata() -> bytes:
     """metadata.yaml of a folder written here."""
     with tempfile.TemporaryDirectory() as folder:
-        formats.write_trajectory(Path(folder) / "bag", trajectory(), format="rosbag2")
+        formats.write_trajectory(Path(folder) / "bag", seeds.trajectory(), format="rosbag2")
         return (Path(folder) / "bag" / "metadata.yaml").read_bytes()
 
 
@@ -323,7 +175,7 @@ def _dataset_files() -> dict[str, bytes]:
     """Files of a LeRobot dataset by their path in it."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "dataset"
-        formats.write_trajectory(folder, trajectory(), format="lerobot")
+        formats.write_trajectory(folder, seeds.trajectory(), format="lerobot")
         return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
@@ -354,7 +206,7 @@ def _dataset_targets() -> Sequence[Target]:
 
 def _columns(data: bytes) -> Any:
     options = TrackerOptions(columns=_file(data, "columns.toml"))
-    return formats.read_trackers(io.BytesIO(tracker_log("wide")), NAME, "vive", options)
+    return formats.read_trackers(io.BytesIO(seeds.tracker_log("wide")), NAME, "vive", options)
 
 
 def _calibration(data: bytes) -> Any:
@@ -381,7 +233,7 @@ def _profiles() -> Sequence[bytes]:
 
 
 def _motions() -> Sequence[bytes]:
-    return [short_mvnx("walk.mvnx.gz"), short_mvnx("walk_v3.mvnx.gz")]
+    return [seeds.short_mvnx("walk.mvnx.gz"), seeds.short_mvnx("walk_v3.mvnx.gz")]
 
 
 TARGETS: Mapping[str, Target] = {
@@ -390,29 +242,34 @@ TARGETS: Mapping[str, Target] = {
         Target("mvnx", _motions, _motion, cost=2),
         Target("mvnx-describe", _motions, _described("mvnx"), cost=4),
         Target("mvnx.gz", lambda: [gzip.compress(m, 1, mtime=0) for m in _motions()], _motion, (in_gzip,), cost=3),
-        Target("vive", lambda: [tracker_log("wide"), tracker_log("long")], _trackers("vive")),
-        Target("columns", lambda: [COLUMNS_TOML], _columns),
-        Target("libsurvive", lambda: [tracker_log("libsurvive")], _trackers("libsurvive")),
+        Target("vive", lambda: [seeds.tracker_log("wide"), seeds.tracker_log("long")], _trackers("vive")),
+        Target("columns", lambda: [seeds.COLUMNS_TOML], _columns),
+        Target("libsurvive", lambda: [seeds.tracker_log("libsurvive")], _trackers("libsurvive")),
         Target(
             "libsurvive.gz",
-            lambda: [gzip.compress(tracker_log("libsurvive"), mtime=0), bomb(tracker_log("libsurvive"), 2_000)],
+            lambda: [
+                gzip.compress(seeds.tracker_log("libsurvive"), mtime=0),
+                bomb(seeds.tracker_log("libsurvive"), 2_000),
+            ],
             _trackers("libsurvive"),
             (in_gzip,),
             cost=3,
         ),
-        Target("mcap", lambda: [written("mcap"), unchecked_mcap()], _read_trajectory("mcap"), (in_records,)),
+        Target(
+            "mcap", lambda: [seeds.written("mcap"), seeds.unchecked_mcap()], _read_trajectory("mcap"), (in_records,)
+        ),
         Target(
             "hdf5",
-            lambda: [written("hdf5"), foreign_hdf5(checksums=True, time=(10**12,))],
+            lambda: [seeds.written("hdf5"), seeds.foreign_hdf5(checksums=True, time=(10**12,))],
             _read_trajectory("hdf5"),
             (of_bytes,),
         ),
         # Every read starts a process.
-        Target("hdf5-foreign", lambda: [foreign_hdf5()], _read_trajectory("hdf5"), (of_bytes,), cost=100),
-        Target("csv", lambda: [written("csv")], _read_trajectory("csv")),
-        Target("csv-unitree", lambda: [written("csv", "unitree")], _read_trajectory("csv", HEADERLESS)),
-        Target("npz", lambda: [written("npz"), lying_npz()], _read_trajectory("npz"), (in_zip,)),
-        Target("npz-gmr", lambda: [written("npz", "gmr")], _read_trajectory("npz"), (in_zip,)),
+        Target("hdf5-foreign", lambda: [seeds.foreign_hdf5()], _read_trajectory("hdf5"), (of_bytes,), cost=100),
+        Target("csv", lambda: [seeds.written("csv")], _read_trajectory("csv")),
+        Target("csv-unitree", lambda: [seeds.written("csv", "unitree")], _read_trajectory("csv", HEADERLESS)),
+        Target("npz", lambda: [seeds.written("npz"), seeds.lying_npz()], _read_trajectory("npz"), (in_zip,)),
+        Target("npz-gmr", lambda: [seeds.written("npz", "gmr")], _read_trajectory("npz"), (in_zip,)),
         Target("rosbag", ros_seeds.bags, _recording_file(".bag"), (of_bytes, over_bytes), cost=10),
         Target("db3", ros_seeds.databases, _recording_file(".db3"), (in_sqlite,), cost=10),
         Target(
@@ -438,13 +295,13 @@ TARGETS: Mapping[str, Target] = {
         ),
         Target("mcap-recording", ros_seeds.mcaps, _recording("mcap"), (in_records,), cost=4),
         Target("mcap-robot", lambda: [ros_seeds.robot_mcap()], _read_trajectory("mcap"), (in_records,)),
-        Target("mcap-pipe", lambda: [*ros_seeds.mcaps(), written("mcap")], _piped, (in_records,), cost=5),
+        Target("mcap-pipe", lambda: [*ros_seeds.mcaps(), seeds.written("mcap")], _piped, (in_records,), cost=5),
         Target("frames", lambda: [ros_seeds.FRAMES_TOML, ros_seeds.SUIT_TOML], _frames, cost=2),
         Target("msg-def", lambda: ros_seeds.MESSAGE_DEFINITIONS, _message_definition, cost=12),
         Target("msg-def-recorded", lambda: [ros_seeds.LINKS_DEFINITION], _embedded_definition, cost=20),
         *_dataset_targets(),
         Target("calibration", _calibrations, _calibration),
         Target("robot", _profiles, _robot),
-        Target("thresholds", lambda: [THRESHOLDS_TOML], _thresholds),
+        Target("thresholds", lambda: [seeds.THRESHOLDS_TOML], _thresholds),
     )
 }

@@ -20,7 +20,7 @@ import zstandard
 from retarget.core.errors import FormatError, RetargetError
 from retarget.formats._mcap_reader import MAGIC
 
-from tests.fuzz import corpus, runner
+from tests.fuzz import runner, seeds
 from tests.fuzz.corpus import TARGETS, Target
 from tests.fuzz.mutations import bomb
 
@@ -93,7 +93,7 @@ def test_inputs_are_the_same_in_every_run() -> None:
 def test_gzip_bomb(monkeypatch: pytest.MonkeyPatch) -> None:
     """A file of kilobytes is refused before it is unpacked as a whole; the limit is lowered for the test."""
     monkeypatch.setattr("retarget.formats._byte_chunks.LARGEST_TEXT_BYTES", 4 << 20)
-    data = bomb(corpus.tracker_log("libsurvive"), 300_000)
+    data = bomb(seeds.tracker_log("libsurvive"), 300_000)
     assert len(data) < 100_000
     with pytest.raises(FormatError, match=r"input: a text of more than 4 MB"):
         TARGETS["libsurvive"].read(data)
@@ -101,9 +101,9 @@ def test_gzip_bomb(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_zip_bomb_and_lying_header(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(FormatError, match="not a readable NPZ archive"):
-        TARGETS["npz"].read(corpus.lying_npz())
+        TARGETS["npz"].read(seeds.lying_npz())
     monkeypatch.setattr("retarget.formats.npz.LARGEST_ARRAY_BYTES", 16 << 20)
-    data = corpus.npz_bomb()
+    data = seeds.npz_bomb()
     assert len(data) < 1 << 20
     with pytest.raises(FormatError, match=r"its arrays take 200 MB; expected at most 16 MB"):
         TARGETS["npz"].read(data)
@@ -133,11 +133,11 @@ def test_mcap_chunk_that_is_a_bomb(compression: str, stated: int, problem: str) 
 @pytest.mark.parametrize("checksums", [True, False])
 def test_hdf5_array_that_is_declared_and_never_written(checksums: bool) -> None:
     with pytest.raises(FormatError, match=r"an array of 7629394 MB"):
-        TARGETS["hdf5"].read(corpus.foreign_hdf5(checksums=checksums, time=(10**12,)))
+        TARGETS["hdf5"].read(seeds.foreign_hdf5(checksums=checksums, time=(10**12,)))
 
 
 def test_foreign_hdf5_gives_the_same_as_ours() -> None:
-    found, own = TARGETS["hdf5"].read(corpus.foreign_hdf5()), corpus.trajectory()
+    found, own = TARGETS["hdf5"].read(seeds.foreign_hdf5()), seeds.trajectory()
     assert found.joint_names == own.joint_names
     for field in ("time", "position", "velocity", "base_position", "base_orientation"):
         np.testing.assert_array_equal(getattr(found, field), getattr(own, field))
