@@ -28,6 +28,8 @@ METADATA = "retarget"
 """Name of the metadata record that marks a recording as ours."""
 WORLD = "world"
 TWIST, INT8, STRING = "geometry_msgs/msg/TwistStamped", "std_msgs/msg/Int8", "std_msgs/msg/String"
+USED = (JOINT_STATE, JOINT_TRAJECTORY, TF_MESSAGE, TWIST, INT8, STRING)
+"""Types of messages of which anything is taken."""
 
 
 class Recording:

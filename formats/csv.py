@@ -8,6 +8,7 @@
 | `q_<joint>_rad`, `dq_<joint>_rad_s` | one of each a joint; for a sliding joint read m for rad |
 | `status` | 0 = solved, 1 = marked; last, so that a line cut short is noticed |
 
+Joints stand in the robot's own order (that of its URDF); a reader takes columns in any. Times are on the recording's clock.
 Numbers are the shortest decimals that give the same double back: values are kept bit for bit. CSV has no place for the robot's and the
 base frame's name, the provenance and the URDF: these are lost. A file cut off exactly between two lines can't be told from a whole one.
 

@@ -10,6 +10,7 @@
 | `/status` | (T,) int8 | 0 = solved, 1 = marked |
 
 Attributes of the root: `schema`, `joint_names`, `quat_order`, `robot`, `base_frame`, `source` (provenance as JSON), `robot_description`.
+Columns of joints stand in the order of `joint_names`, as written the robot's own (that of its URDF). Times are on the recording's clock.
 Files of other programs are read, too: of the older format without checksums, with texts of variable length, as h5py writes them by default.
 Damage in these can make the HDF5 library hang or crash, so they are first rewritten in a process of its own that may fail.
 Every array carries its unit in attribute `unit`. Everything comes back bit for bit. HDF5 needs a file that can seek: no pipes.

@@ -22,7 +22,8 @@ tolerance, at a whole number a second (`--rate` resamples); frame k comes back a
 
 The layout is that of LeRobot's `src/lerobot/datasets` (github.com/huggingface/lerobot: `utils.py`, `io_utils.py`, `dataset_metadata.py`).
 Many clips make one dataset by LeRobot's own `lerobot-edit-dataset` (merge). Datasets of others are read when they hold one episode with a named
-`observation.state` in rad. There is no suffix: name the format (`--format lerobot -o walk_dataset`). Needs the extra `lerobot` (pyarrow).
+`observation.state` in rad. There is no suffix: name the format (`--format lerobot -o walk_dataset`); `--force` replaces a folder only where all in it was written here.
+Needs the extra `lerobot` (pyarrow).
 """
 
 from __future__ import annotations

@@ -3,7 +3,9 @@
 What comes out obeys the house's invariant: every segment frame is the identity in T-pose, whatever version the file is of
 (`R = R_file · R_refᵀ`, `R_ref` the orientations of the file's own reference frame). Quaternions of the file are wxyz, segment → world, with
 signs that flip; world X forward, Y left, Z up, metres; `angularVelocity` is rad/s in the world frame. Time is `index / frameRate`,
-because the `time` attribute is rounded to milliseconds. Names of people, which headers hold, are not read.
+because the `time` attribute is rounded to milliseconds. Numbers are read to the last bit of their text. Segments are found by their labels, in
+any order; foot contacts by those of `footContactDefinition`. Values missing for up to 0.25 s are interpolated and counted; longer gaps are an
+error. Names of people, which headers hold, are not read.
 """
 
 from __future__ import annotations

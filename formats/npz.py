@@ -3,7 +3,7 @@
 | key | shape | holds |
 |---|---|---|
 | `fps` | (1,) | mean frame rate in Hz, 0 for a single frame |
-| `joint_pos`, `joint_vel` | (T, n) | rad, rad/s, in the order of `joint_names` |
+| `joint_pos`, `joint_vel` | (T, n) | rad, rad/s, in the order of `joint_names`: as written the robot's own, that of its URDF |
 | `body_pos_w` | (T, B, 3) | m, world |
 | `body_quat_w` | (T, B, 4) | world ← body, **wxyz** |
 | `body_lin_vel_w`, `body_ang_vel_w` | (T, B, 3) | m/s, rad/s, world |

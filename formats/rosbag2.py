@@ -4,9 +4,11 @@ The MCAP file is byte for byte what format `mcap` writes: topics, joint order (t
 has it), precision and the style `joint_trajectory` are described there. `metadata.yaml` is of version 5, which ROS 2 reads from Humble on;
 `/tf_static` and `/robot_description` are noted as transient local, so that late subscribers get them in playback.
 
-There is no suffix: name the format (`--format rosbag2 -o walk_bag`). The folder is written beside its place and renamed into it.
+There is no suffix: name the format (`--format rosbag2 -o walk_bag`). The folder is written beside its place and renamed into it; `--force`
+replaces one only where it holds these two files and nothing else, so a recorded bag never.
 
-Bags of others are read as MCAP files of others are, whatever their storage (MCAP, SQLite) and compression. Folders can't be piped.
+Bags of others are read as MCAP files of others are, whatever their storage (MCAP, SQLite) and compression; of SQLite only the topics that
+matter. Folders can't be piped.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from retarget.core.types import HumanMotion, JointTrajectory
 from retarget.formats import _bag_storage, _mcap_trajectory
 from retarget.formats._bag_metadata import METADATA
 from retarget.formats._folders import holds_only
-from retarget.formats._mcap_recording import Recording
+from retarget.formats._mcap_recording import USED, Recording
 from retarget.formats._mcap_writer import McapFile
 from retarget.formats.base import Format, TrajectoryOptions
 
@@ -80,8 +82,10 @@ def is_own_folder(folder: Path) -> bool:
 def read_folder(folder: Path, name: str, _options: TrajectoryOptions | None = None) -> JointTrajectory:
     """The trajectory in a bag; see the module. Raises `FormatError` for a folder that is no bag, and as format `mcap` does."""
     recording = Recording(name)
-    for item in _bag_storage.read_folder(folder, name, lambda _: True):
-        if not isinstance(item, _bag_storage.Unread):
+    for item in _bag_storage.read_folder(folder, name, lambda message_type: message_type in USED):
+        if isinstance(item, _bag_storage.Unread):
+            recording.topics[item.topic] = item.message_type
+        else:
             recording.add(item)
     return recording.trajectory()
 

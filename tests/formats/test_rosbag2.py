@@ -132,6 +132,16 @@ def test_truncated_storage(bag: Path) -> None:
         formats.read_trajectory(bag)
 
 
+def test_topics_that_matter_to_nothing_are_named_and_not_read(bag: Path) -> None:
+    """Of SQLite only messages of types that a trajectory is made of are asked for; cameras fill bags with gigabytes."""
+    copy = bag.with_name("copy")
+    with Writer(copy, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        camera = writer.add_connection("/camera", "sensor_msgs/msg/Image", typestore=typestore())
+        writer.write(camera, 1, b"no image at all")
+    with pytest.raises(FormatError, match=r"no sensor_msgs/msg/JointState; found /camera \(sensor_msgs/msg/Image\)"):
+        formats.read_trajectory(copy)
+
+
 def test_folders_that_are_no_bag(tmp_path: Path) -> None:
     (tmp_path / "plain").mkdir()
     with pytest.raises(UsageError, match="is no folder of format rosbag2"):
