@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from retarget.core.chunks import frame_chunks
 from retarget.core.errors import InvalidDataError, nearest
 from retarget.core.segments import SEGMENTS
 
@@ -13,9 +14,6 @@ Array = NDArray[np.float64]
 
 LARGEST_ARRAY_BYTES = 4 << 30
 """No array of a recording or trajectory is larger: 6 hours of 23 orientations at 240 Hz. What asks for more is broken, or a bomb."""
-
-CHUNK_FRAMES = 8192
-"""Frames checked together: what the checks need for themselves stays small beside what they check."""
 
 
 class FieldSetter:
@@ -152,8 +150,9 @@ def check_unit(field: str, vectors: Array, expected: str) -> None:
 
 def check_unit_quaternions(field: str, quaternion: Array) -> None:
     """`quaternion` (T, ..., 4) is unit, and its signs are continuous along T."""
-    for start in range(0, len(quaternion), CHUNK_FRAMES):
-        part = quaternion[start : start + CHUNK_FRAMES + 1]  # one more: its sign against the next chunk's first
+    for frames in frame_chunks(len(quaternion)):
+        start = frames.start
+        part = quaternion[start : frames.stop + 1]  # one more: its sign against the next chunk's first
         off = np.abs(np.einsum("t...i,t...i->t...", part, part) - 1.0) > 1e-6
         if off.any():
             _refuse_length(field, part, tuple(int(i) for i in np.argwhere(off)[0]), start, "unit quaternions")

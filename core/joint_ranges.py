@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from retarget.core.chunks import frame_chunks
 from retarget.core.errors import InvalidDataError
 from retarget.core.types import Array
 
@@ -91,9 +92,12 @@ class JointRanges:
 
 def _crc(position: Array, before: Sequence[int]) -> tuple[int, ...]:
     """The CRC-32 of each column, going on from `before`."""
-    with np.errstate(over="ignore"):  # what no joint reaches is infinite in single precision
-        columns = np.ascontiguousarray((position.T + 0.0).astype("<f4"))
-    return tuple(zlib.crc32(column, crc) for column, crc in zip(columns, before, strict=True))
+    crc = tuple(before)
+    for part in frame_chunks(len(position)):
+        with np.errstate(over="ignore"):  # what no joint reaches is infinite in single precision
+            columns = np.ascontiguousarray((position[part].T + 0.0).astype("<f4"))
+        crc = tuple(zlib.crc32(column, so_far) for column, so_far in zip(columns, crc, strict=True))
+    return crc
 
 
 def _parsed(text: str) -> int:

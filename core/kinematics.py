@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from retarget.core import rotations
 from retarget.core.robot_model import RobotModel
-from retarget.core.types import Array, Targets
+from retarget.core.types import Array, JointTrajectory, Targets
 
 CHUNK = 512
 """Frames computed together: a joint's numbers stay in the processor's nearest cache."""
@@ -68,9 +68,27 @@ class Poses:
         names = tuple(dict.fromkeys(links))
         return cls(names, *link_poses(model, names, joints, base_orientation, base_position))
 
+    @classmethod
+    def along(
+        cls, trajectory: JointTrajectory, model: RobotModel, links: Iterable[str], frames: slice = slice(None)
+    ) -> Poses:
+        """Poses of `links` in `frames` of a trajectory whose joints stand in the model's order."""
+        orientation, position = trajectory.base_orientation, trajectory.base_position
+        return cls.of(
+            model,
+            links,
+            trajectory.position[frames],
+            None if orientation is None else orientation[frames],
+            None if position is None else position[frames],
+        )
+
     def rotations_of(self, links: Sequence[str]) -> Array:
         """(T, L, 3, 3), in the order of `links`."""
         return self.rotation[:, [self.links.index(link) for link in links]]
+
+    def part(self, frames: slice) -> Poses:
+        """Those of `frames` alone."""
+        return Poses(self.links, self.rotation[frames], self.origin[frames])
 
     def at(self, link: str) -> tuple[Array, Array]:
         """Rotation (T, 3, 3) and origin (T, 3) m of one link."""

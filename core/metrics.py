@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from retarget.core import rotations
+from retarget.core.chunks import frame_chunks, gathered
 from retarget.core.contacts import foot_contacts
 from retarget.core.kinematics import Poses, position_errors
 from retarget.core.mapping.limb_plane import bone_direction
@@ -30,7 +31,7 @@ def measure(
     """
     series: dict[str, Array] = {}
     links = [*(limb.link for limb in model.limbs.values()), *(task.frame for task in targets.tasks)]
-    poses = _poses(model, trajectory, [*links, *foot_links(model)])
+    poses = Poses.along(trajectory, model, [*links, *foot_links(model)])
     limb = limb_direction_errors(trajectory, model, motion, poses)
     link = orientation_errors(trajectory, model, targets, poses)
     series |= {f"limb_direction_error_deg/{segment}": error for segment, error in limb.items()}
@@ -63,7 +64,7 @@ def limb_direction_errors(
     """Limb segment → angle (T,) in degrees between the person's and the robot's joint-centre lines, in the world."""
     limbs = [limb for segment, limb in model.limbs.items() if motion.has(segment)]
     links = [limb.link for limb in limbs]
-    rotation = (poses or _poses(model, trajectory, links)).rotations_of(links)
+    rotation = (poses or Poses.along(trajectory, model, links)).rotations_of(links)
     errors = {}
     for i, limb in enumerate(limbs):
         achieved = rotation[:, i] @ limb.bone
@@ -87,7 +88,7 @@ def orientation_errors(
     """Segment (or frame, for tasks of none) → angle (T,) in degrees between the target and the achieved orientation of its link."""
     tasks = [task for task in targets.tasks if task.kind == "orientation"]
     links = [task.frame for task in tasks]
-    rotation = (poses or _poses(model, trajectory, links)).rotations_of(links)
+    rotation = (poses or Poses.along(trajectory, model, links)).rotations_of(links)
     errors = {}
     for i, task in enumerate(tasks):
         # ‖A - B‖ = 2√2 sin(θ/2) in the Frobenius norm: exact near 0, and no detour over quaternions.
@@ -104,37 +105,44 @@ def limit_figures(
     rounding: rad, what counts as the same position; more than the default for values kept in single precision, whose speeds are then
     known no better than two such roundings a step.
     """
-    q = trajectory.position
-    outside = (q < model.lower - rounding) | (q > model.upper + rounding)
-    at_position = (q <= model.lower + 1e-6) | (q >= model.upper - 1e-6)
-    if trajectory.frames > 1:
-        speed = np.abs(np.diff(q, axis=0)) / np.diff(trajectory.time)[:, None]
-        ratio = speed / model.velocity_limit
-        coarse = 2 * rounding / np.diff(trajectory.time)[:, None] / model.velocity_limit
-        slack = np.where(rounding > ROUNDING, coarse, ROUNDING)
-    else:
-        speed = ratio = slack = np.zeros((1, q.shape[1]))
-    at_velocity = ratio >= 1.0 - 1e-4
+    time, q = trajectory.time, trajectory.position
+    outside = at_position = too_fast = 0
+    for part in frame_chunks(trajectory.frames):
+        now = q[part]
+        outside += np.count_nonzero((now < model.lower - rounding) | (now > model.upper + rounding))
+        at_position += np.count_nonzero(((now <= model.lower + 1e-6) | (now >= model.upper - 1e-6)).any(axis=1))
+    at_velocity, fastest = np.zeros(q.shape[1], int), np.zeros(max(trajectory.frames - 1, 1))
+    for part in frame_chunks(trajectory.frames - 1):
+        step = np.diff(time[part.start : part.stop + 1])[:, None]
+        ratio = np.abs(np.diff(q[part.start : part.stop + 1], axis=0)) / step / model.velocity_limit
+        slack = 2 * rounding / step / model.velocity_limit if rounding > ROUNDING else ROUNDING
+        too_fast += np.count_nonzero(ratio > 1.0 + slack)
+        at_velocity += np.count_nonzero(ratio >= 1.0 - 1e-4, axis=0)
+        fastest[part] = ratio.max(axis=1, initial=0.0)
     figures = {
-        "position_limit_violations": int(outside.sum()),
-        "velocity_limit_violations": int((ratio > 1.0 + slack).sum()),
-        "max_velocity_ratio": float(ratio.max(initial=0.0)),
-        "limit_active_fraction": float(at_position.any(axis=1).mean()),
+        "position_limit_violations": outside,
+        "velocity_limit_violations": too_fast,
+        "max_velocity_ratio": float(fastest.max()),
+        "limit_active_fraction": at_position / trajectory.frames,
         "velocity_limit_active_fraction": {
             name: float(share)
-            for name, share in zip(trajectory.joint_names, at_velocity.mean(axis=0), strict=True)
+            for name, share in zip(trajectory.joint_names, at_velocity / len(fastest), strict=True)
             if share > 0
         },
     }
-    return figures, {"max_velocity_ratio": ratio.max(axis=1, initial=0.0)}
+    return figures, {"max_velocity_ratio": fastest}
 
 
 def jerk_rms(trajectory: JointTrajectory) -> float:
     """Root mean square over joints and frames of the third difference of the joint values, rad/s³; 0 for fewer than four frames."""
     if trajectory.frames < 4:
         return 0.0
-    jerk = np.diff(trajectory.position, n=3, axis=0) * trajectory.rate_hz**3
-    return float(np.sqrt(np.mean(jerk**2)))
+    q, factor = trajectory.position, trajectory.rate_hz**3
+
+    def squares(part: slice) -> Array:
+        return np.asarray(np.square(np.diff(q[part.start : part.stop + 3], n=3, axis=0) * factor))
+
+    return float(np.sqrt(np.mean(gathered(trajectory.frames - 3, squares, q.shape[1:]))))
 
 
 def foot_figures(
@@ -151,14 +159,12 @@ def foot_figures(
     """
     if not model.profile.feet or trajectory.base_orientation is None or trajectory.base_position is None:
         return None, None, {}
-    corners = sole_corners(model, poses or _poses(model, trajectory, foot_links(model)))
     series: dict[str, Array] = {}
     speeds = []
     depth = np.zeros(trajectory.frames)
-    for side, points in corners.items():
-        centre = points.mean(axis=1)
-        depth = np.maximum(depth, -1e3 * points[:, :, 2].min(axis=1))
-        series[f"foot_height_m/{side}"] = points[:, :, 2].min(axis=1)
+    for side, (centre, lowest) in _soles(trajectory, model, poses).items():
+        depth = np.maximum(depth, -1e3 * lowest)
+        series[f"foot_height_m/{side}"] = lowest
         if trajectory.frames < 2:
             continue
         speed = np.linalg.norm(np.diff(centre[:, :2], axis=0), axis=1) / np.diff(trajectory.time)
@@ -178,8 +184,16 @@ def foot_figures(
     return skate, {"mean": float(depth.mean()), "max": float(depth.max())}, series
 
 
-def _poses(model: RobotModel, trajectory: JointTrajectory, links: list[str]) -> Poses:
-    return Poses.of(model, links, trajectory.position, trajectory.base_orientation, trajectory.base_position)
+def _soles(trajectory: JointTrajectory, model: RobotModel, poses: Poses | None) -> dict[str, tuple[Array, Array]]:
+    """Side → (centre (T, 3) of its sole, height (T,) of the lowest corner), m, world; `trajectory` has a base pose."""
+    frames, links = trajectory.frames, foot_links(model)
+    soles = {side: (np.empty((frames, 3)), np.empty(frames)) for side in model.profile.feet}
+    for part in frame_chunks(frames):
+        now = poses.part(part) if poses else Poses.along(trajectory, model, links, part)
+        for side, points in sole_corners(model, now).items():
+            centre, lowest = soles[side]
+            centre[part], lowest[part] = points.mean(axis=1), points[:, :, 2].min(axis=1)
+    return soles
 
 
 def _summary(errors: Mapping[str, Array], key: str) -> dict[str, Any]:

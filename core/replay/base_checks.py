@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 from retarget.core import metrics, rotations
+from retarget.core.chunks import gathered
 from retarget.core.replay.signals import Signal, held, lasting, local_jumps, worst
 from retarget.core.replay.thresholds import Thresholds
 from retarget.core.report import Check
@@ -63,23 +64,29 @@ def _signals(trajectory: JointTrajectory, model: RobotModel) -> tuple[dict[str, 
     time, orientation, position = trajectory.time, trajectory.base_orientation, trajectory.base_position
     assert orientation is not None
     assert position is not None
-    upright = rotations.multiply(orientation, rotations.conjugate(model.base_rotation))
-    up = rotations.rotate(upright, np.array([0.0, 0.0, 1.0]))
-    base = model.base_link
-    signals: dict[str, dict[str, Array]] = {
-        "base_tilt_deg": {base: np.degrees(np.arccos(np.clip(up[:, 2], -1.0, 1.0)))}
-    }
-    if trajectory.frames > 1:
+    base, frames = model.base_link, trajectory.frames
+
+    def tilt(part: slice) -> Array:
+        upright = rotations.multiply(orientation[part], rotations.conjugate(model.base_rotation))
+        up = rotations.rotate(upright, np.array([0.0, 0.0, 1.0]))
+        return np.asarray(np.degrees(np.arccos(np.clip(up[:, 2], -1.0, 1.0))))
+
+    def turned(part: slice) -> Array:
+        now = orientation[part.start : part.stop + 1]
+        return rotations.angle(now[1:], now[:-1])
+
+    signals: dict[str, dict[str, Array]] = {"base_tilt_deg": {base: gathered(frames, tilt)}}
+    if frames > 1:
         step = np.diff(time)
         speed = np.linalg.norm(np.diff(position, axis=0), axis=1) / step
-        turn = rotations.angle(orientation[1:], orientation[:-1]) / step
+        turn = gathered(frames - 1, turned) / step
         jump = np.linalg.norm(local_jumps(position, time), axis=1)
         for name, values in (
             ("base_speed_max_m_s", speed),
             ("base_turn_max_rad_s", turn),
             ("base_jump_max_m", jump),
         ):
-            signals[name] = {base: held(values[:, None], trajectory.frames)[:, 0]}
+            signals[name] = {base: held(values[:, None], frames)[:, 0]}
     _, _, series = metrics.foot_figures(trajectory, model)
     heights = {key.partition("/")[2]: values for key, values in series.items() if key.startswith("foot_height_m/")}
     if heights:

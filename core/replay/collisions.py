@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from retarget.core.chunks import frame_chunks
 from retarget.core.errors import UsageError
 from retarget.core.replay.mesh_contact import MeshContact
 from retarget.core.replay.model import ReplayModel
@@ -70,17 +71,19 @@ def self_collisions(
     links = tuple(dict.fromkeys(mj.geom(i).name.rpartition("/")[0] for i in solid))
     link_of_geom = np.full(mj.ngeom, -1)
     link_of_geom[solid] = [links.index(mj.geom(i).name.rpartition("/")[0]) for i in solid]
-    frames, pairs, depths = [], [], []
-    for t, data in _postures(replay, joints, base_orientation, base_position):
-        if not data.ncon:
-            continue
-        pair = link_of_geom[data.contact.geom]
-        depth = -data.contact.dist
-        robot = (pair >= 0).all(axis=1) & (depth > 0)
-        frames.append(np.full(int(robot.sum()), t))
-        pairs.append(np.sort(pair[robot], axis=1))
-        depths.append(depth[robot])
-    found = _collected(len(joints), links, frames, pairs, depths)
+    overlaps: list[Overlaps] = []
+    for part in frame_chunks(len(joints)):
+        # Joined for each chunk: the small arrays of each frame take several times as much as the numbers in them.
+        overlaps.append(
+            _joined(
+                [
+                    _overlaps(t, data, link_of_geom)
+                    for t, data in _postures(replay, part, joints, base_orientation, base_position)
+                    if data.ncon
+                ]
+            )
+        )
+    found = _collected(len(joints), links, _joined(overlaps))
     return found if doubted_m is None else _verified(found, replay, np.asarray(joints), doubted_m)
 
 
@@ -107,42 +110,49 @@ def _verified(found: SelfCollisions, replay: ReplayModel, joints: Array, doubted
         if len(out):
             kept[out] = False
             left_out[first, second] = float(found.overlap_depth_m[out].max())
-    checked = _collected(
-        len(found.depth_m),
-        found.links,
-        [found.overlap_frame[kept]],
-        [found.overlap_pair[kept]],
-        [found.overlap_depth_m[kept]],
-    )
+    real = found.overlap_frame[kept], found.overlap_pair[kept], found.overlap_depth_m[kept]
+    checked = _collected(len(found.depth_m), found.links, real)
     return replace(checked, hulls_only=dict(sorted(left_out.items(), key=lambda item: -item[1])))
 
 
+Overlaps = tuple[NDArray[np.int64], NDArray[np.int64], Array]
+"""Frames (C,), pairs of links (C, 2), and depths (C,) m of some overlaps."""
+
+
+def _overlaps(t: int, data: mujoco.MjData, link_of_geom: NDArray[np.int64]) -> Overlaps:
+    """Those among the contacts of frame `t`."""
+    pair, depth = link_of_geom[data.contact.geom], -data.contact.dist
+    robot = (pair >= 0).all(axis=1) & (depth > 0)
+    return np.full(int(robot.sum()), t), np.sort(pair[robot], axis=1), depth[robot]
+
+
+def _joined(overlaps: list[Overlaps]) -> Overlaps:
+    frames, pairs, depths = zip((np.empty(0, int), np.empty((0, 2), int), np.empty(0)), *overlaps, strict=True)
+    return np.concatenate(frames), np.concatenate(pairs), np.concatenate(depths)
+
+
 def _postures(
-    replay: ReplayModel, joints: Array, orientation: Array | None, position: Array | None
+    replay: ReplayModel, part: slice, joints: Array, orientation: Array | None, position: Array | None
 ) -> Iterator[tuple[int, mujoco.MjData]]:
-    """(frame, data with its contacts)."""
+    """(frame, data with its contacts), of the frames in `part`."""
     mj, data = replay.mj, mujoco.MjData(replay.mj)
-    qpos = np.tile(mj.qpos0, (len(joints), 1))
-    qpos[:, replay.qpos] = joints
+    qpos = np.tile(mj.qpos0, (part.stop - part.start, 1))
+    qpos[:, replay.qpos] = joints[part]
     if replay.base_qpos is not None:
         if position is not None:
-            qpos[:, replay.base_qpos : replay.base_qpos + 3] = position
+            qpos[:, replay.base_qpos : replay.base_qpos + 3] = position[part]
         if orientation is not None:
-            qpos[:, replay.base_qpos + 3 : replay.base_qpos + 7] = orientation
+            qpos[:, replay.base_qpos + 3 : replay.base_qpos + 7] = orientation[part]
     now = data.qpos
-    for t in range(len(joints)):
-        now[:] = qpos[t]
+    for t, posture in enumerate(qpos, part.start):
+        now[:] = posture
         mujoco.mj_kinematics(mj, data)
         mujoco.mj_collision(mj, data)
         yield t, data
 
 
-def _collected(
-    frames: int, links: tuple[str, ...], when: list[Array], pairs: list[Array], depths: list[Array]
-) -> SelfCollisions:
-    frame = np.concatenate([np.empty(0, int), *when]).astype(int)
-    pair = np.concatenate([np.empty((0, 2), int), *pairs]).astype(int)
-    depth = np.concatenate([np.empty(0), *depths])
+def _collected(frames: int, links: tuple[str, ...], overlaps: Overlaps) -> SelfCollisions:
+    frame, pair, depth = overlaps
     deepest, who = np.zeros(frames), np.full((frames, 2), -1)
     order = np.argsort(depth, kind="stable")  # the deepest is written last
     deepest[frame[order]] = depth[order]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from retarget.core import metrics, rotations
+from retarget.core.chunks import frame_chunks
 from retarget.core.kinematics import Poses
 from retarget.core.mapping.heading import without_heading
 from retarget.core.replay.signals import worst
@@ -38,12 +39,13 @@ def check_recording(
     if not model.base_is_floating:
         motion = without_heading(motion, model.profile.base_segment)
     links = [limb.link for limb in limbs.values()]
-    rotation = Poses.of(
-        model, links, trajectory.position, trajectory.base_orientation, trajectory.base_position
-    ).rotations_of(links)
+    lines = {segment: _line(motion, segment) for segment in limbs}
     errors = np.zeros((trajectory.frames, len(limbs)))
-    for i, (segment, limb) in enumerate(limbs.items()):
-        errors[:, i] = np.degrees(rotations.vector_angle(rotation[:, i] @ limb.bone, _direction(motion, segment, time)))
+    for part in frame_chunks(trajectory.frames):
+        rotation = Poses.along(trajectory, model, links, part).rotations_of(links)
+        for i, (segment, limb) in enumerate(limbs.items()):
+            wanted = _at(time[part], motion.time, lines[segment])
+            errors[part, i] = np.degrees(rotations.vector_angle(rotation[:, i] @ limb.bone, wanted))
     errors[~both] = 0.0
     usual = np.percentile(errors[both], SHARE_PERCENT, axis=0)
     furthest = int(np.argmax(usual))
@@ -56,8 +58,12 @@ def check_recording(
     return [check], strips
 
 
-def _direction(motion: HumanMotion, segment: str, time: Array) -> Array:
-    """(T, 3) the person's limb at `time` (T,) s, linearly between frames; its length has no meaning."""
+def _line(motion: HumanMotion, segment: str) -> Array:
+    """(M, 3) unit, the person's limb in the frames of the recording."""
     line = metrics.person_limb(motion, segment)
-    line = line / np.linalg.norm(line, axis=1, keepdims=True)
-    return np.stack([np.interp(time, motion.time, line[:, k]) for k in range(3)], axis=1)
+    return np.asarray(line / np.linalg.norm(line, axis=1, keepdims=True))
+
+
+def _at(time: Array, recorded: Array, line: Array) -> Array:
+    """(K, 3) the direction `line` (M, 3) at `time` (K,) s, linearly between the frames at `recorded` (M,) s; its length has no meaning."""
+    return np.stack([np.interp(time, recorded, line[:, k]) for k in range(3)], axis=1)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from retarget.core.chunks import gathered
 from retarget.core.types import Array
 
 NEIGHBOURS = 5
 """Steps over which the median tells the usual one: two false steps (there and back) among five don't move it."""
-CHUNK = 4096
-"""Frames computed together."""
 
 
 @dataclass(frozen=True)
@@ -25,12 +24,17 @@ class Signal:
     index: tuple[int, int] | None = None
 
 
-def worst(values: Array, time: Array, names: Sequence[str]) -> Signal:
-    """The largest of `values` (T, n) ≥ 0 at `time` (T,) s, one name a column; the first in time of equals."""
+def worst(values: Array, time: Array, names: Sequence[str], start: int = 0) -> Signal:
+    """The largest of `values` (K, n) ≥ 0, those of frame `start` of `time` (T,) s and on, one name a column; the first in time of equals."""
     if not values.size or not (most := float(values.max())) > 0:
         return Signal(0.0)
-    frame, column = (int(i) for i in np.unravel_index(int(np.argmax(values)), values.shape))
-    return Signal(most, names[column], float(time[frame]), (frame, column))
+    row, column = (int(i) for i in np.unravel_index(int(np.argmax(values)), values.shape))
+    return Signal(most, names[column], float(time[start + row]), (start + row, column))
+
+
+def larger(earlier: Signal, later: Signal) -> Signal:
+    """The larger of the worst of two parts of a clip; the first in time of equals."""
+    return later if later.value > earlier.value else earlier
 
 
 def held(values: Array, frames: int) -> Array:
@@ -43,17 +47,25 @@ def local_jumps(values: Array, time: Array) -> Array:
 
     A step over a gap in `time` (T,) s is first shortened to the median duration, so that a lost frame is no jump.
     """
+    return gathered(len(values) - 1, jumps_of(values, time), values.shape[1:])
+
+
+def jumps_of(values: Array, time: Array) -> Callable[[slice], Array]:
+    """A function that gives rows of `local_jumps`: (K, n) of steps `start` to `stop` - 1 of a slice."""
     steps = np.diff(time)
-    moved = np.diff(values, axis=0) * np.minimum(1.0, np.median(steps) / steps)[:, None]
-    half = NEIGHBOURS // 2
-    if len(moved) <= half:
-        return np.asarray(moved)
-    padded = np.pad(moved, ((half, half), (0, 0)), mode="reflect")
-    around = sliding_window_view(padded, NEIGHBOURS, axis=0)
-    for start in range(0, len(moved), CHUNK):  # sorting copies: five times as much as there is
-        part = slice(start, start + CHUNK)
-        moved[part] -= np.sort(around[part], axis=-1)[..., half]
-    return np.asarray(moved)
+    shorter = np.minimum(1.0, np.median(steps) / steps)[:, None] if len(steps) else steps[:, None]
+    half = NEIGHBOURS // 2 if len(steps) > NEIGHBOURS // 2 else 0
+
+    def jumps(part: slice) -> Array:
+        index = np.abs(np.arange(part.start - half, part.stop + half))  # the clip's ends mirror its steps
+        index = np.where(index < len(steps), index, 2 * (len(steps) - 1) - index)
+        moved = (values[index + 1] - values[index]) * shorter[index]
+        if not half:
+            return np.asarray(moved)
+        around = sliding_window_view(moved, NEIGHBOURS, axis=0)
+        return np.asarray(moved[half:-half] - np.sort(around, axis=-1)[..., half])
+
+    return jumps
 
 
 def lasting(values: Array, time: Array, duration_s: float) -> Array:

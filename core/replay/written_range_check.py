@@ -6,10 +6,11 @@ Joints that changed places, columns sorted into another order or names into anot
 from __future__ import annotations
 
 import numpy as np
+from retarget.core.chunks import frame_chunks
 from retarget.core.errors import InvalidDataError
 from retarget.core.joint_ranges import STEPS_A_UNIT, JointRanges
-from retarget.core.replay.joint_checks import position_rounding
-from retarget.core.replay.signals import worst
+from retarget.core.replay.joint_checks import beyond, position_rounding
+from retarget.core.replay.signals import Signal, larger, worst
 from retarget.core.replay.thresholds import Thresholds
 from retarget.core.report import Check
 from retarget.core.types import Array, BoolArray, JointTrajectory
@@ -37,26 +38,30 @@ def check_written_range(trajectory: JointTrajectory, thresholds: Thresholds) -> 
     names = [name for name in trajectory.joint_names if name in written.joint_names]
     if not names:
         return [thresholds.check(NAME, None, "the ranges that the file keeps are of other joints")], {}
-    position = trajectory.position[:, [trajectory.joint_names.index(name) for name in names]]
+    position = trajectory.position
+    if len(names) < len(trajectory.joint_names):
+        position = position[:, [trajectory.joint_names.index(name) for name in names]]
     rows = [written.joint_names.index(name) for name in names]
     found, whole = JointRanges.of(names, position), trajectory.frames == written.frames
     bounds = np.stack([written.lower[rows], written.upper[rows]], axis=1)
     covered = np.stack([found.lower, found.upper], axis=1)
     rounding = position_rounding(position)
-    outside = np.maximum(bounds[:, 0] - position, position - bounds[:, 1])
-    outside = np.where(outside > rounding, outside, 0.0)
+    far, off = Signal(0.0), np.zeros(len(names), bool)
+    for part in frame_chunks(trajectory.frames):
+        outside = beyond(position[part], bounds[:, 0], bounds[:, 1], rounding)
+        off |= np.any(outside > 0, axis=0)
+        far = larger(far, worst(outside, trajectory.time, names, part.start))
     # A bound that single precision moves over a step is rounded outward to the next one.
     tolerance = rounding + (1 / STEPS_A_UNIT if rounding > 1e-8 else 0.0)
     differs = np.abs(covered - bounds).max(axis=1)
     same = _same(found.crc, [written.crc[row] for row in rows], covered, bounds, tolerance)
-    off: BoolArray = np.any(outside > 0, axis=0)
     if whole:
         off = off | (differs > tolerance) | ~np.diag(same)
     if not off.any():
         return [thresholds.check(NAME, 0.0)], {}
-    far = worst(outside, trajectory.time, names)
+    out = {i: beyond(position[:, i], *bounds[i], rounding) > 0 for i in np.flatnonzero(off)}
     joint = far.index[1] if far.index else int(np.argmax(np.where(off, differs, -1.0)))
-    begins = outside[:, joint] > 0
+    begins = out[joint]
     if whole and not begins.any() and (others := np.flatnonzero(same[joint] & off)).size:
         begins = position[:, joint] != position[:, others[0]]  # within the range, but at another time
     first = np.flatnonzero(begins)
@@ -72,8 +77,7 @@ def check_written_range(trajectory: JointTrajectory, thresholds: Thresholds) -> 
         where=names[joint],
         time_s=float(trajectory.time[first[0]]) if len(first) else None,
     )
-    strips = np.where(outside > 0, BEYOND, 0.0)
-    return [check], {f"problem/{names[i]}": strips[:, i] for i in np.flatnonzero(off)}
+    return [check], {f"problem/{names[i]}": np.where(when, BEYOND, 0.0) for i, when in out.items()}
 
 
 def _same(
