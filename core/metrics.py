@@ -109,15 +109,15 @@ def limit_figures(
     outside = at_position = too_fast = 0
     for part in frame_chunks(trajectory.frames):
         now = q[part]
-        outside += np.count_nonzero((now < model.lower - rounding) | (now > model.upper + rounding))
-        at_position += np.count_nonzero(((now <= model.lower + 1e-6) | (now >= model.upper - 1e-6)).any(axis=1))
+        outside += int(((now < model.lower - rounding) | (now > model.upper + rounding)).sum())
+        at_position += int(((now <= model.lower + 1e-6) | (now >= model.upper - 1e-6)).any(axis=1).sum())
     at_velocity, fastest = np.zeros(q.shape[1], int), np.zeros(max(trajectory.frames - 1, 1))
     for part in frame_chunks(trajectory.frames - 1):
         step = np.diff(time[part.start : part.stop + 1])[:, None]
         ratio = np.abs(np.diff(q[part.start : part.stop + 1], axis=0)) / step / model.velocity_limit
         slack = 2 * rounding / step / model.velocity_limit if rounding > ROUNDING else ROUNDING
-        too_fast += np.count_nonzero(ratio > 1.0 + slack)
-        at_velocity += np.count_nonzero(ratio >= 1.0 - 1e-4, axis=0)
+        too_fast += int((ratio > 1.0 + slack).sum())
+        at_velocity += (ratio >= 1.0 - 1e-4).sum(axis=0)
         fastest[part] = ratio.max(axis=1, initial=0.0)
     figures = {
         "position_limit_violations": outside,

@@ -59,7 +59,7 @@ def check_written_range(trajectory: JointTrajectory, thresholds: Thresholds) -> 
         off = off | (differs > tolerance) | ~np.diag(same)
     if not off.any():
         return [thresholds.check(NAME, 0.0)], {}
-    out = {i: beyond(position[:, i], *bounds[i], rounding) > 0 for i in np.flatnonzero(off)}
+    out = {i: beyond(position[:, i], bounds[i, 0], bounds[i, 1], rounding) > 0 for i in np.flatnonzero(off)}
     joint = far.index[1] if far.index else int(np.argmax(np.where(off, differs, -1.0)))
     begins = out[joint]
     if whole and not begins.any() and (others := np.flatnonzero(same[joint] & off)).size:

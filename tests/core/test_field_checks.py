@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from retarget.core import field_checks
+from retarget.core import chunks, field_checks
 from retarget.core.report import ValidationReport
 from retarget.core.types import Array, HumanMotion, InvalidDataError, Targets, Task
 
@@ -20,7 +20,7 @@ class TestQuaternionChecksInChunks:
 
     @pytest.mark.parametrize("frame", [1, 9, 10, 11, 19, 20, 21, 24])
     def test_every_frame_is_seen(self, monkeypatch: pytest.MonkeyPatch, frame: int) -> None:
-        monkeypatch.setattr(field_checks, "CHUNK_FRAMES", 10)
+        monkeypatch.setattr(chunks, "CHUNK_FRAMES", 10)
         quaternion = np.tile([1.0, 0, 0, 0], (25, 2, 1))
         field_checks.check_unit_quaternions("q", quaternion)
         flipped = quaternion.copy()

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from retarget.core.replay.signals import held, lasting, local_jumps, worst
+import pytest
+from retarget.core import chunks
+from retarget.core.replay.signals import Signal, held, larger, lasting, local_jumps, worst
+from scipy.ndimage import median_filter
 
 
 def test_worst_names_column_and_time() -> None:
@@ -41,3 +44,29 @@ def test_lasting_levels_peaks_and_keeps_plateaus() -> None:
     np.testing.assert_array_equal(lasting(values, time, 0.1), values)
     np.testing.assert_array_equal(lasting(values[5:9], time[5:9], 60.0), [5, 5, 5, 5])
     np.testing.assert_array_equal(lasting(values[:1], time[:1], 1.0), [0])
+
+
+@pytest.mark.parametrize("size", [1, 2, 4, 100])
+@pytest.mark.parametrize("frames", [4, 5, 6, 7, 40])
+def test_usual_step_is_the_median_of_five_that_the_ends_mirror(
+    monkeypatch: pytest.MonkeyPatch, frames: int, size: int
+) -> None:
+    monkeypatch.setattr(chunks, "CHUNK_FRAMES", size)
+    values, time = np.random.default_rng(frames).normal(size=(frames, 3)), np.arange(frames) / 64
+    steps = np.diff(values, axis=0)
+    usual = median_filter(steps, size=(5, 1), mode="mirror")
+    np.testing.assert_array_equal(local_jumps(values, time), steps - usual)
+
+
+def test_few_steps_have_no_usual_one() -> None:
+    values, time = np.array([[0.0], [1.0], [5.0]]), np.arange(3) / 64
+    for frames in (1, 2, 3):
+        np.testing.assert_array_equal(local_jumps(values[:frames], time[:frames]), np.diff(values[:frames], axis=0))
+
+
+def test_worst_of_two_parts() -> None:
+    time, values = np.arange(6.0), np.array([[0.0], [2.0], [1.0], [2.0], [3.0], [3.0]])
+    first, second, third = (worst(values[k : k + 2], time, ("a",), k) for k in (0, 2, 4))
+    assert larger(first, second) == first == Signal(2.0, "a", 1.0, (1, 0))
+    assert larger(larger(first, second), third) == worst(values, time, ("a",))
+    assert larger(Signal(0.0), Signal(0.0)) == Signal(0.0)
