@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple, TypeVar
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ from retarget.core.replay.mesh_contact import MeshContact
 from retarget.core.replay.model import ReplayModel
 from retarget.core.types import Array
 
+Number = TypeVar("Number", bound=np.generic)
 MOST_LOOKS = 2000
 """Overlaps of one pair of links that are looked at mesh against mesh: half a minute at 60 Hz frame by frame."""
 
@@ -30,15 +32,15 @@ class SelfCollisions:
     depth_m: Array
     pair: NDArray[np.int64]
     links: tuple[str, ...]
-    overlap_frame: NDArray[np.int64]
-    overlap_pair: NDArray[np.int64]
+    overlap_frame: NDArray[np.int32]
+    overlap_pair: NDArray[np.int16]
     overlap_depth_m: Array
     hulls_only: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def by_pair(self) -> dict[tuple[str, str], tuple[float, int, int]]:
         """Two links → (deepest overlap m, its frame, number of frames in which they overlap), deepest first."""
         found = {}
-        for a, b in np.unique(self.overlap_pair, axis=0):
+        for a, b in _distinct(self.overlap_pair):
             rows = np.flatnonzero((self.overlap_pair == (a, b)).all(axis=1))
             worst = rows[np.argmax(self.overlap_depth_m[rows])]
             frames = len(np.unique(self.overlap_frame[rows]))
@@ -71,19 +73,7 @@ def self_collisions(
     links = tuple(dict.fromkeys(mj.geom(i).name.rpartition("/")[0] for i in solid))
     link_of_geom = np.full(mj.ngeom, -1)
     link_of_geom[solid] = [links.index(mj.geom(i).name.rpartition("/")[0]) for i in solid]
-    overlaps: list[Overlaps] = []
-    for part in frame_chunks(len(joints)):
-        # Joined for each chunk: the small arrays of each frame take several times as much as the numbers in them.
-        overlaps.append(
-            _joined(
-                [
-                    _overlaps(t, data, link_of_geom)
-                    for t, data in _postures(replay, part, joints, base_orientation, base_position)
-                    if data.ncon
-                ]
-            )
-        )
-    found = _collected(len(joints), links, _joined(overlaps))
+    found = _collected(len(joints), links, _contacts(replay, link_of_geom, joints, base_orientation, base_position))
     return found if doubted_m is None else _verified(found, replay, np.asarray(joints), doubted_m)
 
 
@@ -97,7 +87,7 @@ def _verified(found: SelfCollisions, replay: ReplayModel, joints: Array, doubted
     if not deep.any():
         return found
     meshes, kept, left_out = MeshContact(replay.robot), np.ones(len(deep), bool), {}
-    for pair in np.unique(found.overlap_pair[deep], axis=0):
+    for pair in _distinct(found.overlap_pair[deep]):
         first, second = (found.links[i] for i in pair)
         own = np.flatnonzero((found.overlap_pair == pair).all(axis=1))
         tried = own[deep[own]]
@@ -105,30 +95,58 @@ def _verified(found: SelfCollisions, replay: ReplayModel, joints: Array, doubted
             tried = tried[np.linspace(0, len(tried) - 1, MOST_LOOKS).astype(int)]
         tried = tried[np.argsort(-found.overlap_depth_m[tried], kind="stable")]
         frames = found.overlap_frame[tried]
-        met = meshes.first_meeting(first, second, joints[frames], frames)
+        met = meshes.first_meeting(first, second, joints[frames], frames.astype(int))
         out = own if met is None else own[found.overlap_depth_m[own] > found.overlap_depth_m[tried[met]]]
         if len(out):
             kept[out] = False
             left_out[first, second] = float(found.overlap_depth_m[out].max())
-    real = found.overlap_frame[kept], found.overlap_pair[kept], found.overlap_depth_m[kept]
+    if kept.all():
+        return found
+    real = [Overlaps(found.overlap_frame[kept], found.overlap_pair[kept], found.overlap_depth_m[kept])]
     checked = _collected(len(found.depth_m), found.links, real)
     return replace(checked, hulls_only=dict(sorted(left_out.items(), key=lambda item: -item[1])))
 
 
-Overlaps = tuple[NDArray[np.int64], NDArray[np.int64], Array]
-"""Frames (C,), pairs of links (C, 2), and depths (C,) m of some overlaps."""
+class Overlaps(NamedTuple):
+    """frame (C,), pair (C, 2) of links, lower first, and depth_m (C,) of some overlaps, in numbers as short as hold them: there can be millions."""
+
+    frame: NDArray[np.int32]
+    pair: NDArray[np.int16]
+    depth_m: Array
 
 
-def _overlaps(t: int, data: mujoco.MjData, link_of_geom: NDArray[np.int64]) -> Overlaps:
-    """Those among the contacts of frame `t`."""
-    pair, depth = link_of_geom[data.contact.geom], -data.contact.dist
-    robot = (pair >= 0).all(axis=1) & (depth > 0)
-    return np.full(int(robot.sum()), t), np.sort(pair[robot], axis=1), depth[robot]
+def _contacts(
+    replay: ReplayModel,
+    link_of_geom: NDArray[np.int64],
+    joints: Array,
+    orientation: Array | None,
+    position: Array | None,
+) -> Iterator[Overlaps]:
+    """The robot's overlaps with itself, those of a chunk of frames together: the small arrays of single frames take several times their room."""
+    for part in frame_chunks(len(joints)):
+        frames, pairs, depths = [], [], []
+        for t, data in _postures(replay, part, joints, orientation, position):
+            if not data.ncon:
+                continue
+            pair = link_of_geom[data.contact.geom]
+            depth = -data.contact.dist
+            robot = (pair >= 0).all(axis=1) & (depth > 0)
+            frames.append(np.full(int(robot.sum()), t))
+            pairs.append(np.sort(pair[robot], axis=1))
+            depths.append(depth[robot])
+        if frames:
+            yield Overlaps(
+                np.concatenate(frames).astype(np.int32),
+                np.concatenate(pairs).astype(np.int16),
+                np.concatenate(depths),
+            )
 
 
-def _joined(overlaps: list[Overlaps]) -> Overlaps:
-    frames, pairs, depths = zip((np.empty(0, int), np.empty((0, 2), int), np.empty(0)), *overlaps, strict=True)
-    return np.concatenate(frames), np.concatenate(pairs), np.concatenate(depths)
+def _distinct(pairs: NDArray[np.int16]) -> list[tuple[int, int]]:
+    """Each of `pairs` (C, 2) once, in order."""
+    # One number for both links: sorting rows takes a second for a million of them.
+    numbers = np.unique(pairs.astype(np.int32) @ np.array([1 << 15, 1], np.int32)).tolist()
+    return [divmod(number, 1 << 15) for number in numbers]
 
 
 def _postures(
@@ -151,10 +169,31 @@ def _postures(
         yield t, data
 
 
-def _collected(frames: int, links: tuple[str, ...], overlaps: Overlaps) -> SelfCollisions:
-    frame, pair, depth = overlaps
+def _collected(frames: int, links: tuple[str, ...], overlaps: Iterable[Overlaps]) -> SelfCollisions:
+    """`overlaps` in order of time, no frame in two of them."""
     deepest, who = np.zeros(frames), np.full((frames, 2), -1)
-    order = np.argsort(depth, kind="stable")  # the deepest is written last
-    deepest[frame[order]] = depth[order]
-    who[frame[order]] = pair[order]
-    return SelfCollisions(deepest, who, links, frame, pair, depth)
+    frame: list[NDArray[np.int32]] = []
+    pair: list[NDArray[np.int16]] = []
+    depth: list[Array] = []
+    for some in overlaps:
+        order = np.argsort(some.depth_m, kind="stable")  # the deepest is written last
+        deepest[some.frame[order]] = some.depth_m[order]
+        who[some.frame[order]] = some.pair[order]
+        frame.append(some.frame)
+        pair.append(some.pair)
+        depth.append(some.depth_m)
+    return SelfCollisions(
+        deepest,
+        who,
+        links,
+        _joined(frame, np.empty(0, np.int32)),
+        _joined(pair, np.empty((0, 2), np.int16)),
+        _joined(depth, np.empty(0)),
+    )
+
+
+def _joined(parts: list[NDArray[Number]], nothing: NDArray[Number]) -> NDArray[Number]:
+    """`parts` as one array, `nothing` of none; they are let go, so that no two fields are there twice at a time."""
+    joined = np.concatenate(parts) if len(parts) > 1 else (*parts, nothing)[0]
+    parts.clear()
+    return joined

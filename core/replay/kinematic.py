@@ -88,6 +88,7 @@ def check_numbers(
     """As `check`, needing no physics engine; without `collide` self-collision is not judged."""
     limits = thresholds or Thresholds(MODE)
     trajectory = matched(trajectory, model)
+    person, person_series = check_recording(trajectory, model, motion, limits)
     joints, series = check_joints(trajectory, model, limits)
     written, written_series = check_written_range(trajectory, limits)
     series |= {name: np.maximum(series[name], strip) for name, strip in written_series.items()}
@@ -98,12 +99,14 @@ def check_numbers(
         {"links": list(links), "depth_mm": 1e3 * depth} for links, depth in (found.hulls_only if found else {}).items()
     ]
     timing, timing_series = _timing(trajectory, limits)
-    person, person_series = check_recording(trajectory, model, motion, limits)
+    series = {**series, **base_series, **touch_series, **timing_series, **person_series}
+    for values in series.values():
+        values.flags.writeable = False  # the report keeps such arrays as they are, and copies others
     by_name = {entry.name: entry for entry in (*joints, *written, *touch, *base, *timing, *person)}
     return ValidationReport(
         subject=model.profile.name,
         checks=tuple(by_name[row.name] for row in KINEMATIC),
-        series={"time": trajectory.time, **series, **base_series, **touch_series, **timing_series, **person_series},
+        series={"time": trajectory.time, **series},
         mode=MODE,
         facts={
             "frames": trajectory.frames,

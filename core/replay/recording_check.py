@@ -40,21 +40,23 @@ def check_recording(
         motion = without_heading(motion, model.profile.base_segment)
     links = [limb.link for limb in limbs.values()]
     lines = {segment: _line(motion, segment) for segment in limbs}
-    errors = np.zeros((trajectory.frames, len(limbs)))
+    errors = np.zeros((len(limbs), trajectory.frames))
     for part in frame_chunks(trajectory.frames):
         rotation = Poses.along(trajectory, model, links, part).rotations_of(links)
         for i, (segment, limb) in enumerate(limbs.items()):
             wanted = _at(time[part], motion.time, lines[segment])
-            errors[part, i] = np.degrees(rotations.vector_angle(rotation[:, i] @ limb.bone, wanted))
-    errors[~both] = 0.0
-    usual = np.percentile(errors[both], SHARE_PERCENT, axis=0)
+            errors[i, part] = np.degrees(rotations.vector_angle(rotation[:, i] @ limb.bone, wanted))
+    errors[:, ~both] = 0.0
+    usual = [float(np.percentile(error[both], SHARE_PERCENT)) for error in errors]
     furthest = int(np.argmax(usual))
     name = tuple(limbs)[furthest]
-    peak = worst(errors[:, [furthest]], time, (name,))
+    peak = worst(errors[furthest][:, None], time, (name,))
     note = f"exceeded in {100 - SHARE_PERCENT} % of the frames; {peak.value:.0f}° there" if peak.value > 0 else ""
-    check = thresholds.check(NAME, float(usual[furthest]), note, where=name, time_s=peak.time_s)
+    check = thresholds.check(NAME, usual[furthest], note, where=name, time_s=peak.time_s)
     limit = thresholds.limits[NAME]
-    strips = {f"problem/{segment}": errors[:, i] / limit for i, segment in enumerate(limbs)} if limit else {}
+    strips = (
+        {f"problem/{segment}": error / limit for segment, error in zip(limbs, errors, strict=True)} if limit else {}
+    )
     return [check], strips
 
 
