@@ -29,7 +29,7 @@ Needs the extra `lerobot` (pyarrow).
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 from retarget.core.errors import FormatError, RetargetError, UsageError
 from retarget.core.field_checks import LARGEST_ARRAY_BYTES
 from retarget.core.types import Array, HumanMotion, JointTrajectory
-from retarget.formats import _headerless, _trajectory
+from retarget.formats import _headerless, _parquet_count, _trajectory
 from retarget.formats._folders import holds_only
 from retarget.formats.base import Format, TrajectoryOptions
 
@@ -281,13 +281,13 @@ def _read_columns(folder: Path, name: str) -> dict[str, NDArray[Any]]:
         raise FormatError(name, "no data/*/*.parquet", expected="the frames of its episode")
     wanted = (STATE, VELOCITY, POSE, TWIST, STATUS)
     try:
-        tables, count = [], 0
+        count = _parquet_count.count(paths, wanted)
+        if count > _LARGEST_COUNT:
+            raise ValueError(f"{count} numbers; expected at most {_LARGEST_COUNT}")
+        tables = []
         for path in paths:
             with path.open("rb") as stream:
                 file = pq.ParquetFile(stream)
-                count += _count(file.metadata, wanted)
-                if count > _LARGEST_COUNT:
-                    raise ValueError(f"{count} numbers; expected at most {_LARGEST_COUNT}")
                 tables.append(file.read([column for column in file.schema_arrow.names if column in wanted]))
         table = pa.concat_tables(tables)
         return {column: _numbers(pa, table[column]) for column in table.column_names}
@@ -299,18 +299,6 @@ def _read_columns(folder: Path, name: str) -> dict[str, NDArray[Any]]:
     # pyarrow's errors derive from a dozen of Python's.
     except (pa.ArrowException, ValueError, TypeError, KeyError, OverflowError) as error:
         raise FormatError(name, f"not readable data: {' '.join(str(error).split())}", place="data") from error
-
-
-def _count(metadata: Any, wanted: Sequence[str]) -> int:
-    """How many numbers a Parquet file has in its columns `wanted`: few bytes may stand for billions of equal ones."""
-    groups = (metadata.row_group(i) for i in range(metadata.num_row_groups))
-    columns = (group.column(i) for group in groups for i in range(group.num_columns))
-    return sum(column.num_values for column in columns if _top(column.path_in_schema, wanted))
-
-
-def _top(path: str, wanted: Sequence[str]) -> bool:
-    """Whether a column of plain numbers or of lists, which have a path below the feature's name, is one of `wanted`."""
-    return any(path == name or path.startswith(f"{name}.list.") for name in wanted)
 
 
 def _numbers(pa: Any, column: Any) -> NDArray[Any]:

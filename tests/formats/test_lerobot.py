@@ -14,7 +14,7 @@ import pytest
 from retarget import formats
 from retarget.core.errors import FormatError, RetargetError, UsageError
 from retarget.core.types import JointTrajectory
-from retarget.formats import TrajectoryOptions
+from retarget.formats import TrajectoryOptions, _parquet_count
 
 pa = pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 import pyarrow.parquet as pq  # noqa: E402 - only where there is one
@@ -199,6 +199,31 @@ def test_a_small_file_of_very_many_numbers(dataset: Path, monkeypatch: pytest.Mo
     assert (dataset / DATA).stat().st_size < 30_000
     with pytest.raises(FormatError, match="not readable data: 3000000 numbers; expected at most 1800"):
         formats.read_trajectory(dataset)
+
+
+def test_a_column_that_contradicts_its_own_histogram(dataset: Path) -> None:
+    """Required by its schema, counted as optional: pyarrow ends the process that looks at the column's metadata."""
+    data = (dataset / DATA).read_bytes()
+    optional, required = (b"\x35" + kind + b"\x18\x11observation.state" for kind in (b"\x02", b"\x00"))
+    assert data.count(optional) == 1
+    (dataset / DATA).write_bytes(data.replace(optional, required))
+    with pytest.raises(FormatError, match=r"data: not readable data: .*Parquet library did not get through it"):
+        formats.read_trajectory(dataset)
+
+
+def test_numbers_are_counted_over_files_and_columns(tmp_path: Path) -> None:
+    state = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(12, np.float32)), 3)
+    lists = pa.array([[1.0], [2.0, 3.0], [], [4.0]])
+    for name in ("a.parquet", "b.parquet"):
+        pq.write_table(
+            pa.table({"state": state, "lists": lists, "status": np.arange(4), "other": np.arange(4)}), tmp_path / name
+        )
+    paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
+    assert _parquet_count.count(paths, ["state"]) == 24
+    assert _parquet_count.count(paths[:1], ["status", "state", "none"]) == 16
+    assert _parquet_count.count(paths[:1], ["lists"]) == 5  # an empty list takes a place
+    with pytest.raises(ValueError, match=r"[Nn]o such file"):
+        _parquet_count.count([tmp_path / "c.parquet"], ["state"])
 
 
 @pytest.mark.parametrize(

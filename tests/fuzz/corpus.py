@@ -193,14 +193,16 @@ def _dataset(mutated: str) -> Callable[[bytes], Any]:
 
 
 def _dataset_targets() -> Sequence[Target]:
-    """Nothing where the extra is not installed."""
+    """Nothing where the extra is not installed. Reads of data start a process."""
     if find_spec("pyarrow") is None:
         return ()
     data = "data/chunk-000/file-000.parquet"
     return (
-        Target("lerobot-info", lambda: [_dataset_files()["meta/info.json"]], _dataset("meta/info.json"), cost=5),
-        Target("lerobot-own", lambda: [_dataset_files()["meta/retarget.json"]], _dataset("meta/retarget.json"), cost=5),
-        Target("lerobot-data", lambda: [_dataset_files()[data]], _dataset(data), (of_bytes, over_bytes), cost=5),
+        Target("lerobot-info", lambda: [_dataset_files()["meta/info.json"]], _dataset("meta/info.json"), cost=20),
+        Target(
+            "lerobot-own", lambda: [_dataset_files()["meta/retarget.json"]], _dataset("meta/retarget.json"), cost=50
+        ),
+        Target("lerobot-data", lambda: [_dataset_files()[data]], _dataset(data), (of_bytes, over_bytes), cost=30),
     )
 
 
