@@ -63,7 +63,7 @@ class Frames:
         self, topic: str, kind: int, batch: Iterable[Samples], log_times: Sequence[int], names: Sequence[str] = ()
     ) -> None:
         """Append what many messages hold, in their order. names: of poses in a list; those beyond it are left out."""
-        found: dict[tuple[str, str], list[Samples]] = {}
+        found: dict[tuple[str, str | int], list[Samples]] = {}
         for one in batch:
             found.setdefault((one.parent, one.child), []).append(one)
         recorded = np.clip(np.array(log_times, object), _LEAST, _LARGEST).astype(np.int64)
@@ -87,12 +87,12 @@ class Frames:
             edge.log_times.append(_int64(log_time))
             edge.values.extend(pose.values)
 
-    def _edge(self, topic: str, kind: int, parent: str, child: str, names: Sequence[str]) -> Edge | None:
+    def _edge(self, topic: str, kind: int, parent: str, child: str | int, names: Sequence[str]) -> Edge | None:
         """The edge of a pose as a message names it; None for one in a list that has no name."""
-        if child.startswith("#"):
-            if int(child[1:]) >= len(names):
+        if isinstance(child, int):
+            if child >= len(names):
                 return None
-            child = names[int(child[1:])]
+            child = names[child]
         child, parent = (child or topic_frame(topic)).lstrip("/"), parent.lstrip("/")
         key = (topic, parent, child)
         if key not in self.edges:

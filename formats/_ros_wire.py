@@ -29,12 +29,12 @@ _LAYOUTS = 64
 class Pose(NamedTuple):
     """One pose as a message holds it.
 
-    parent: the frame it is in. child: the frame it is of; "" where the topic names it, or the position in its list as "#0", "#1" ….
+    parent: the frame it is in. child: the frame it is of; "" where the topic names it, or its position in a list of poses, from 0.
     stamp: ns, of the header. values: translation in m, then the quaternion **xyzw**.
     """
 
     parent: str
-    child: str
+    child: str | int
     stamp: int
     values: Numbers
 
@@ -119,7 +119,7 @@ def _pose(cursor: Cursor) -> Iterator[Pose]:
 def _poses(cursor: Cursor) -> Iterator[Pose]:
     stamp, parent = cursor.header()
     for index in range(cursor.count()):
-        yield Pose(parent, f"#{index}", stamp, cursor.doubles(7))
+        yield Pose(parent, index, stamp, cursor.doubles(7))
 
 
 def _foxglove_transform(cursor: Cursor) -> Iterator[Pose]:
@@ -164,7 +164,7 @@ class Samples(NamedTuple):
     """One frame in many messages. message: (N,), which of the batch. stamps: (N,) ns. values: (N, 7) m, then **xyzw**."""
 
     parent: str
-    child: str
+    child: str | int
     message: NDArray[np.int64]
     stamps: NDArray[np.int64]
     values: NDArray[np.float64]

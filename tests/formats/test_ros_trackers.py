@@ -71,6 +71,9 @@ KINDS: list[tuple[str, Make]] = [
     ("LHR_1", _sent("/LHR_1_odom", "nav_msgs/Odometry", "odometry", "vive_world", "LHR_1")),
     ("LHR-2", _sent("/pose", "geometry_msgs/TransformStamped", "transform", "/libsurvive_frame", "/LHR-2")),
     ("tracker_3", _sent("/tracker", "geometry_msgs/TransformStamped", "transform", "room", "tracker_3")),
+    # What looks like a place in a list is a name as any other.
+    ("#0", _sent("/first", "nav_msgs/Odometry", "odometry", "world", "#0")),
+    ("#hest", _sent("/chest", "geometry_msgs/TransformStamped", "transform", "world", "#hest")),
 ]
 
 
