@@ -71,9 +71,6 @@ KINDS: list[tuple[str, Make]] = [
     ("LHR_1", _sent("/LHR_1_odom", "nav_msgs/Odometry", "odometry", "vive_world", "LHR_1")),
     ("LHR-2", _sent("/pose", "geometry_msgs/TransformStamped", "transform", "/libsurvive_frame", "/LHR-2")),
     ("tracker_3", _sent("/tracker", "geometry_msgs/TransformStamped", "transform", "room", "tracker_3")),
-    # What looks like a place in a list is a name as any other.
-    ("#0", _sent("/first", "nav_msgs/Odometry", "odometry", "world", "#0")),
-    ("#hest", _sent("/chest", "geometry_msgs/TransformStamped", "transform", "world", "#hest")),
 ]
 
 
@@ -88,6 +85,17 @@ def test_each_kind_of_message_is_a_tracker(tmp_path: Path, tracker: str, make: M
     assert recording.segments == {"left_elbow": {tracker: "LeftUpperArm"}, "waist": {tracker: "Pelvis"}}.get(
         tracker, {}
     )
+
+
+@pytest.mark.parametrize("frame", ["#0", "#hest"])
+@pytest.mark.parametrize(
+    ("kind", "method"), [("nav_msgs/Odometry", "odometry"), ("geometry_msgs/TransformStamped", "transform")]
+)
+def test_a_name_that_looks_like_a_place_in_a_list(tmp_path: Path, frame: str, kind: str, method: str) -> None:
+    ros = Ros(2)
+    make = _sent("/pose", kind, method, "world", frame)
+    path = write_folder(tmp_path / "a", ros, [make(ros, k, stamp) for k, stamp in enumerate(stamps(TIME))])
+    assert_wandering(read(path, TrackerOptions(frames={"trackers": {"chest": frame}})), "chest")
 
 
 def test_a_pose_array_needs_names(tmp_path: Path) -> None:
