@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
@@ -22,6 +24,10 @@ hypothesis.settings.load_profile("untimed")
 
 # mujoco decides when it is first imported, by whichever test that is.
 choose_opengl()
+
+# A shell starts what it runs in the background with interrupts ignored, and children inherit that; tests of interrupts would wait in vain.
+if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
