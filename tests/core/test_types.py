@@ -29,6 +29,7 @@ from tests.core.type_fields import (
     task_fields,
     trajectory_fields,
 )
+from tests.trajectory_fields import ARRAYS
 
 MAKERS: dict[type, Callable[[], dict[str, Any]]] = {
     HumanMotion: motion_fields,
@@ -237,14 +238,7 @@ BROKEN: list[tuple[type, Any, str]] = [
     ),
     *(
         (JointTrajectory, with_nan(name), f"JointTrajectory.{name}: found nan at (3, 0), expected finite values")
-        for name in (
-            "position",
-            "velocity",
-            "base_position",
-            "base_orientation",
-            "base_linear_velocity",
-            "base_angular_velocity",
-        )
+        for name in ARRAYS[1:]
     ),
     # What is no array of numbers at all
     (HumanMotion, {"time": None}, "HumanMotion.time: found object values, expected an array of numbers"),

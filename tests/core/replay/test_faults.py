@@ -361,16 +361,7 @@ def test_joints_of_another_robot_are_refused(walking: Walking) -> None:
 
 def test_single_frame_and_two_frames(walking: Walking) -> None:
     good, model = walking
-    names = (
-        "time",
-        "position",
-        "velocity",
-        "base_position",
-        "base_orientation",
-        "base_linear_velocity",
-        "base_angular_velocity",
-        "status",
-    )
+    names = (*ARRAYS, "status")
     for frames in (1, 2, 3, 4):
         part = replace(good, **{name: getattr(good, name)[:frames] for name in names})
         report = kinematic.check_numbers(part, model)
