@@ -127,8 +127,8 @@ def convert(
     when they are complete: a file that exists is finished.
 
     To a pipe (-o -, as mcap), recordings longer than 30 s are converted in blocks as they arrive: 2 s first, then 20 s at a time, each together
-    with 5 s before and after it. Memory does not grow with the recording (MVNX; ROS recordings are read first), and joint angles are those
-    of a file, to 1e-6 rad in ordinary motion. --human, --report, --rerun, --online, other formats and styles, and the hierarchical solver take
+    with 5 s before and after it. Memory does not grow with the recording (MVNX, and MCAP of a suit whose frames are on one topic; bags and
+    trackers are read first), and joint angles are those of a file, to 1e-6 rad in ordinary motion. --human, --report, --rerun, --online, other formats and styles, and the hierarchical solver take
     the recording as a whole. Where the input breaks off the output has no end, so that the next program sees it.
     """
     if output == PIPE and as_json:

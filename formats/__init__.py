@@ -119,6 +119,14 @@ def stream_recording(
             except InvalidDataError as error:
                 raise FormatError(shown, str(error)) from error
             return
+        if found.stream_recording is not None:
+            options = options or TrackerOptions()
+            try:
+                for part in found.stream_recording(stream, shown, options, first_s):
+                    yield noted(_persons(part, shown, found), options)
+            except InvalidDataError as error:
+                raise FormatError(shown, str(error)) from error
+            return
         yield _read_recording(stream, shown, found, options)
 
 
@@ -154,7 +162,13 @@ def read_any(
 def _read_recording(
     stream: BinaryIO, name: str, found: Format, options: TrackerOptions | None
 ) -> HumanMotion | TrackerRecording:
-    recording = _recording(stream, name, found, options, found.read_trackers or found.read_motion)
+    return _persons(_recording(stream, name, found, options, found.read_trackers or found.read_motion), name, found)
+
+
+def _persons(
+    recording: HumanMotion | TrackerRecording | None, name: str, found: Format
+) -> HumanMotion | TrackerRecording:
+    """`recording`, which must be one: not None, as readers give for a robot's."""
     if recording is not None:
         return recording
     raise UsageError(

@@ -29,21 +29,9 @@ HANGING_ARMS = {"Right": (_HALF, -_HALF, 0.0, 0.0), "Left": (_HALF, _HALF, 0.0, 
 
 def motion_of(log: Log, placed: Placed, frame_map: FrameMap) -> tuple[HumanMotion, dict[str, Any]]:
     """The motion of segments on one time base, and JSON-able facts. The map's rotations apply; without any, the arms' are found."""
-    order = [placed.trackers.index(segment) for segment in SEGMENTS if segment in placed.trackers]
-    segments = tuple(placed.trackers[index] for index in order)
-    position, orientation = to_house(
-        placed.position[:, order], rotations.normalize(placed.orientation[:, order]), log.up, log.handedness
-    )
+    segments, position, orientation = in_house(log, placed)
     warnings = [*log.warnings, *placed.warnings]
-    references = dict(frame_map.rotations)
-    bones = {end: _bone(segments, position, orientation, limb, end) for limb, end in LIMB_END.items()}
-    if not frame_map.rotations:
-        for side in ("Left", "Right"):
-            found = [bones[f"{side}{end}"] for end in ("ForeArm", "Hand") if bones[f"{side}{end}"] is not None]
-            if found and all(_angle(bone, (0.0, 0.0, -1.0)) < _NEAR_DEG for bone in found):
-                arm = [f"{side}{part}" for part in ("UpperArm", "ForeArm", "Hand") if f"{side}{part}" in segments]
-                references |= dict.fromkeys(arm, HANGING_ARMS[side])
-                warnings.append(f"{', '.join(arm)}: frames of hanging arms, turned into those of the T-pose")
+    references = dict(frame_map.rotations) or arm_references(segments, position, orientation, warnings)
     turned = orientation.copy()
     for segment, reference in references.items():
         if segment in segments:
@@ -74,6 +62,31 @@ def motion_of(log: Log, placed: Placed, frame_map: FrameMap) -> tuple[HumanMotio
         ),
     )
     return motion, dict(motion_facts(log.format, motion))
+
+
+def in_house(log: Log, placed: Placed) -> tuple[tuple[str, ...], Array, Array]:
+    """Segments in the house's order, and of their frames, as recorded, position (T, S, 3) and orientation (T, S, 4) in the house's world."""
+    order = [placed.trackers.index(segment) for segment in SEGMENTS if segment in placed.trackers]
+    segments = tuple(placed.trackers[index] for index in order)
+    position, orientation = to_house(
+        placed.position[:, order], rotations.normalize(placed.orientation[:, order]), log.up, log.handedness
+    )
+    return segments, position, orientation
+
+
+def arm_references(
+    segments: tuple[str, ...], position: Array, orientation: Array, warnings: list[str]
+) -> dict[str, tuple[float, ...]]:
+    """`HANGING_ARMS` by segment, of the sides whose bones show it, with a warning each."""
+    references: dict[str, tuple[float, ...]] = {}
+    bones = {end: _bone(segments, position, orientation, limb, end) for limb, end in LIMB_END.items()}
+    for side in ("Left", "Right"):
+        found = [bones[f"{side}{end}"] for end in ("ForeArm", "Hand") if bones[f"{side}{end}"] is not None]
+        if found and all(_angle(bone, (0.0, 0.0, -1.0)) < _NEAR_DEG for bone in found):
+            arm = [f"{side}{part}" for part in ("UpperArm", "ForeArm", "Hand") if f"{side}{part}" in segments]
+            references |= dict.fromkeys(arm, HANGING_ARMS[side])
+            warnings.append(f"{', '.join(arm)}: frames of hanging arms, turned into those of the T-pose")
+    return references
 
 
 def _offsets(segments: tuple[str, ...], position: Array, orientation: Array) -> dict[str, Array]:

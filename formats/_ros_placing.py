@@ -17,12 +17,22 @@ from retarget.formats._tracker_recording import Placed
 _HELD_SHARE = 0.2
 
 
+def out_of_order(label: str, poses: int) -> str:
+    """The line that says so."""
+    return f"{label}: {poses} poses out of order, sorted by time"
+
+
+def repeated(held: int, frames: int) -> str:
+    """The line that says so of a whole person."""
+    return f"{held} of {frames} frames repeat the whole pose before, as published faster than measured: left out"
+
+
 def samples_of(edge: Edge, time: NDArray[np.int64], warnings: list[str]) -> Samples:
     """The edge's rows in order of time; what comes late on a network is not time going backward."""
     poses = edge.poses()
     order = np.argsort(time, kind="stable")
     if late := int((np.diff(time) < 0).sum()):
-        warnings.append(f"{edge.label}: {late} poses out of order, sorted by time")
+        warnings.append(out_of_order(edge.label, late))
     return Samples(
         tracker=edge.label,
         time=time[order] / 1e9,
@@ -53,9 +63,7 @@ def without_held(samples: list[Samples], warnings: list[str]) -> list[Samples]:
     held = int(same.sum())
     if held < _HELD_SHARE * count:
         return samples
-    warnings.append(
-        f"{held} of {count} frames repeat the whole pose before, as published faster than measured: left out"
-    )
+    warnings.append(repeated(held, count))
     keep = ~same
     return [
         replace(

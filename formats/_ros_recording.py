@@ -26,6 +26,7 @@ from retarget.formats._ros_motion import motion_of
 from retarget.formats._ros_placing import composed, samples_of, without_held
 from retarget.formats._ros_source import short_type
 from retarget.formats._ros_wire import READERS, BadMessage, Cursor, Pose, read_all
+from retarget.formats._tracker_faults import Samples
 from retarget.formats._tracker_recording import Log, assemble, place
 from retarget.formats.base import TrackerOptions
 
@@ -54,13 +55,17 @@ class Topic:
 
 
 @dataclass(frozen=True)
-class _Choice:
+class Choice:
     """Which frames are used as what: name (segment or tracker) → the edges from the root to its frame."""
 
     chains: dict[str, list[Edge]]
     suit: bool
     clock: Clock
     warnings: list[str]
+
+    def moving(self) -> list[Edge]:
+        """The edges that are not static, each once."""
+        return list({id(edge): edge for edges in self.chains.values() for edge in edges if not edge.static}.values())
 
 
 def is_wanted(message_type: str) -> bool:
@@ -187,7 +192,7 @@ class RosRecording:
 
         Raises `FormatError` where no frame is known, or the known ones don't fit together, `UsageError` for a map or roles that don't fit.
         """
-        choice = self._choice()
+        choice = self.choice()
         log, start = self._log(choice)
         log = replace(log, sha256=sha256)
         placed = composed(self.name, choice.chains, place(log, suit=choice.suit))
@@ -198,7 +203,7 @@ class RosRecording:
             recording, facts = assemble(log, placed)
         return recording, {**facts, "start_stamp_ns": start, "clock": choice.clock, **self.facts(choice)}
 
-    def facts(self, choice: _Choice | None = None) -> dict[str, Any]:
+    def facts(self, choice: Choice | None = None) -> dict[str, Any]:
         """Topics, frames and lines for a map: those that `choice` comes to, else those whose names come near; JSON-able."""
         chosen = choice.chains.items() if choice else ()
         used = [f'{item} = "{edges[-1].child}"' for item, edges in chosen if edges]
@@ -231,7 +236,8 @@ class RosRecording:
             return {segment: links[frame] for segment, frame in in_links.items()}, links, other
         return {segment: tree[frame] for segment, frame in in_tree.items()}, tree, people
 
-    def _choice(self) -> _Choice:
+    def choice(self) -> Choice:
+        """Which frames are whose, by what has come so far. Raises as `result`."""
         warnings = list(self.warnings)
         tree, links = self.frames.chosen(), self.frames.chosen(LINKS)
         wanted = self.map.segments or self.map.trackers
@@ -265,7 +271,7 @@ class RosRecording:
         if len(roots) > 1:
             problem = f"frames hang in different trees, with roots {', '.join(repr(root) for root in roots[:5])}"
             raise FormatError(self.name, problem, expected="frames of one tree, named in --frames map.toml")
-        return _Choice(chains, suit, self._clock(chains, warnings), warnings)
+        return Choice(chains, suit, self._clock(chains, warnings), warnings)
 
     def _nothing_known(self, frames: list[str]) -> None:
         if self._undefined is not None:
@@ -289,27 +295,30 @@ class RosRecording:
             return "log"
         return clock
 
-    def _log(self, choice: _Choice) -> tuple[Log, int]:
+    def _log(self, choice: Choice) -> tuple[Log, int]:
         """The moving edges as trackers of a log, each in its parent, and the first stamp in ns, which is their time 0."""
-        moving = {id(edge): edge for edges in choice.chains.values() for edge in edges if not edge.static}
+        moving = choice.moving()
         if not moving:
             raise FormatError(self.name, "nothing moves: all transforms are static", expected="a recording of motion")
-        times = {key: edge.times(choice.clock) for key, edge in moving.items()}
-        start = min(int(time.min()) for time in times.values())
-        samples = [samples_of(edge, times[key] - start, choice.warnings) for key, edge in moving.items()]
+        times = [edge.times(choice.clock) for edge in moving]
+        start = min(int(time.min()) for time in times)
+        samples = [samples_of(edge, time - start, choice.warnings) for edge, time in zip(moving, times, strict=True)]
         if choice.suit:
             samples = without_held(samples, choice.warnings)
+        return self.log(samples, choice.warnings), start
+
+    def log(self, samples: Sequence[Samples], warnings: list[str]) -> Log:
+        """`samples` of edges as those of a tracker log."""
         options = self.options
-        log = Log(
+        return Log(
             name=self.name,
             format=self.format_name,
             trackers=samples,
             up=options.up or "z",
             handedness=options.handedness or "right",
             roles={tracker.lstrip("/"): role for tracker, role in options.roles.items()},
-            warnings=choice.warnings,
+            warnings=warnings,
         )
-        return log, start
 
 
 def _joint_names(payload: memoryview, *, ros1: bool) -> tuple[str, ...]:

@@ -54,7 +54,7 @@ class Log:
 
 
 @dataclass(frozen=True)
-class _Filled:
+class Filled:
     """One tracker on the time base; long_gaps (start, end) in s."""
 
     position: Array
@@ -94,12 +94,17 @@ def place(log: Log, *, suit: bool = False) -> Placed:
     """All trackers on one time base, gaps filled and marked. suit: as of `clean`. Raises `FormatError` as `build` does."""
     cleaned = [clean(samples, log.name, suit=suit) for samples in log.trackers]
     warnings: list[str] = []
-    time = _time_base(cleaned, log.name, warnings)
-    filled = [_fill(time, one) for one in cleaned]
+    time = time_base(cleaned, log.name, warnings)
+    filled = [fill(time, one) for one in cleaned]
     for one, here in zip(cleaned, filled, strict=True):
-        warnings.extend(_fault_lines(one, here))
+        warnings.extend(fault_lines(one, here))
     if not suit:
         warnings.extend(_repeat_lines(cleaned))
+    return stacked(time, cleaned, filled, warnings)
+
+
+def stacked(time: Array, cleaned: Sequence[Cleaned], filled: Sequence[Filled], warnings: Sequence[str]) -> Placed:
+    """Trackers side by side that were put onto `time` (T,), s, one by one."""
     return Placed(
         time=time,
         trackers=tuple(one.tracker for one in cleaned),
@@ -141,8 +146,8 @@ def assemble(log: Log, placed: Placed) -> tuple[TrackerRecording, dict[str, Any]
     return recording, _facts(recording, placed.cleaned, log)
 
 
-def _time_base(trackers: Sequence[Cleaned], name: str, warnings: list[str]) -> Array:
-    """The times (T,) of all frames."""
+def time_base(trackers: Sequence[Cleaned], name: str, warnings: list[str]) -> Array:
+    """The times (T,) s of all frames. Raises `FormatError` for times too uneven to put on one base."""
     times = np.unique(np.concatenate([one.time for one in trackers]))
     if len(times) == 1:
         return times
@@ -152,6 +157,15 @@ def _time_base(trackers: Sequence[Cleaned], name: str, warnings: list[str]) -> A
     # Times that interleave are even, too, but are nobody's rate.
     if usual >= 0.9 * step and np.abs(np.diff(times) - usual).max() <= _EVEN * usual:
         return times
+    refuse_sparse(times, step, name)
+    rates = sorted({f"{1 / value:.4g}" for value in own})
+    why = f"trackers log at {', '.join(rates)} Hz" if len(rates) > 1 else "times are uneven or differ between trackers"
+    warnings.append(f"{why}: interpolated onto an even {1 / step:.5g} Hz")
+    return np.asarray(times[0] + step * np.arange(int(float(times[-1] - times[0]) / step + 1e-6) + 1))
+
+
+def refuse_sparse(times: Array, step: float, name: str) -> None:
+    """Raise `FormatError` where an even grid of `step` s over `times` would be almost nothing but gaps."""
     duration = float(times[-1] - times[0])
     if not duration / step < 100 * len(times) + 100_000:
         raise FormatError(
@@ -159,16 +173,18 @@ def _time_base(trackers: Sequence[Cleaned], name: str, warnings: list[str]) -> A
             f"rows come every {step:.3g} s but span {duration:.3g} s",
             expected="times of one unit and one recording",
         )
-    rates = sorted({f"{1 / value:.4g}" for value in own})
-    why = f"trackers log at {', '.join(rates)} Hz" if len(rates) > 1 else "times are uneven or differ between trackers"
-    warnings.append(f"{why}: interpolated onto an even {1 / step:.5g} Hz")
-    return np.asarray(times[0] + step * np.arange(int(duration / step + 1e-6) + 1))
 
 
-def _fill(time: Array, one: Cleaned) -> _Filled:
+def fill(time: Array, one: Cleaned) -> Filled:
+    """The tracker's rows at the times (T,), s, of the frames."""
     position, position_seen, position_gaps = _on_base(time, one, one.position, one.position_ok)
     orientation, orientation_seen, orientation_gaps = _on_base(time, one, one.orientation, one.orientation_ok)
-    return _Filled(position, orientation, position_seen & orientation_seen, sorted({*position_gaps, *orientation_gaps}))
+    return Filled(position, orientation, position_seen & orientation_seen, sorted({*position_gaps, *orientation_gaps}))
+
+
+def longest_gap_s(one: Cleaned) -> float:
+    """Rows of the tracker may be so far apart and are still interpolated between."""
+    return max(LONGEST_GAP_S, 1.5 * one.step_s) + 1e-3 * one.step_s
 
 
 def _on_base(
@@ -189,7 +205,7 @@ def _on_base(
     seen = np.minimum(np.abs(at[inside] - time), np.abs(at[left] - time)) <= slack
     seen[inner] |= span <= 1.5 * one.step_s + slack
 
-    longest = max(LONGEST_GAP_S, 1.5 * one.step_s) + slack
+    longest = longest_gap_s(one)
     between = [(float(at[i]), float(at[i + 1])) for i in np.flatnonzero(np.diff(at) > longest)]
     out = _hold_and_blend(time, out, seen, between, slack)
     ends = [(float(time[0]), float(at[0])), (float(at[-1]), float(time[-1]))]
@@ -235,7 +251,7 @@ def _between(start: Array, end: Array, fraction: Array) -> Array:
     return np.asarray(start + fraction[:, None] * (end - start))
 
 
-def _fault_lines(one: Cleaned, filled: _Filled) -> list[str]:
+def fault_lines(one: Cleaned, filled: Filled) -> list[str]:
     """One short line for each kind of fault of one tracker."""
     lines = []
     if one.invalid_rows:

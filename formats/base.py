@@ -94,6 +94,7 @@ MotionReader = Callable[[BinaryIO, str], HumanMotion]
 MotionStreamer = Callable[[BinaryIO, str, float], Iterator[HumanMotion]]
 TrajectoryReader = Callable[[BinaryIO, str, TrajectoryOptions], JointTrajectory]
 TrackerReader = Callable[[BinaryIO, str, TrackerOptions], TrackerRecording]
+RecordingStreamer = Callable[[BinaryIO, str, TrackerOptions, float], Iterator[HumanMotion | TrackerRecording | None]]
 RecordingReader = Callable[[BinaryIO, str, TrackerOptions], HumanMotion | TrackerRecording | None]
 TrackerDescriber = Callable[[BinaryIO, str, TrackerOptions], Mapping[str, Any]]
 TrajectoryWriter = Callable[[BinaryIO, JointTrajectory, str], None]
@@ -118,6 +119,8 @@ class Format:
     joined they are what `read_motion` gives, and the last one's `source` is that of the whole.
     read_trackers: (binary stream, display name, options) → poses of devices that are nobody's segments yet.
     read_recording: the same arguments → a motion or trackers, for formats that hold either; None = the file is a robot's.
+    stream_recording: (binary stream, display name, options, seconds) → as `stream_motion` and `read_recording`: one None or trackers, or the
+    parts of a motion.
     describe_trackers: as `describe`, for formats with `read_trackers` or `read_recording`.
     write_trajectory: (binary stream, trajectory, style) → nothing.
     write_with_motion: the same, with the person's motion, for formats that can show both.
@@ -142,6 +145,7 @@ class Format:
     read_trajectory: TrajectoryReader | None = None
     read_trackers: TrackerReader | None = None
     read_recording: RecordingReader | None = None
+    stream_recording: RecordingStreamer | None = None
     write_trajectory: TrajectoryWriter | None = None
     write_with_motion: SceneWriter | None = None
     write_parts: PartsWriter | None = None

@@ -24,13 +24,15 @@ differentiated from the positions; and the base is the root link of `/robot_desc
 parent, interpolated to the joint states' stamps.
 
 As a recording of a person, from a file or a pipe, MCAP gives what `rosbag` says of tf, poses and link states; messages may be ROS 2
-(CDR) or ROS 1, Foxglove's FrameTransform, FrameTransforms and PoseInFrame also JSON or Protobuf.
+(CDR) or ROS 1, Foxglove's FrameTransform, FrameTransforms and PoseInFrame also JSON or Protobuf. A suit whose frames are on one topic is
+read in parts by `retarget convert -o -`: which frames there are, the time base and the person's size are then known from the first 30 s, and
+messages may come 2 s late. Where times are uneven only later, an even grid begins there.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, BinaryIO, cast
 
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
@@ -102,6 +104,29 @@ def read_recording(stream: BinaryIO, name: str, options: TrackerOptions) -> Huma
     return recording.result(hashed.digest.hexdigest())[0]
 
 
+def stream_recording(
+    stream: BinaryIO, name: str, options: TrackerOptions, first_s: float
+) -> Iterator[HumanMotion | TrackerRecording | None]:
+    """As `read_recording`, a suit's motion in parts as it arrives; see `Format.stream_recording`. Raises as it does, when it is met.
+
+    Raises `FormatError` also for messages that come more than `_ros_stream.SLACK_S` behind later ones.
+    """
+    from retarget.formats._ros_stream import SuitStream
+
+    hashed = _Hashed(stream)
+    recording = RosRecording(name, FORMAT.name, options)
+    suit = SuitStream(recording, first_s)
+    for item in _mcap_reader.read(cast(BinaryIO, hashed), name):
+        if isinstance(item, _mcap_reader.Batch):
+            yield from suit.add(item)
+        elif item.name == METADATA:
+            yield None
+            return
+    if rest := _mcap_reader.count_rest(cast(BinaryIO, hashed)):
+        recording.warnings.append(f"{rest} bytes after the end of the MCAP document were not read")
+    yield suit.end(hashed.digest.hexdigest())
+
+
 def describe(stream: BinaryIO, name: str, options: TrackerOptions) -> Mapping[str, Any]:
     """Facts for `retarget info`: of a robot's trajectory, else of topics, frames, and what they are of a person."""
     # What a robot's trajectory is made of is parsed only where it is one; a pipe can't be read again, so there both are.
@@ -138,6 +163,7 @@ FORMAT = Format(
     magic=(MAGIC,),
     read_trajectory=read_trajectory,
     read_recording=read_recording,
+    stream_recording=stream_recording,
     describe_trackers=describe,
     is_own_output=_is_own_output,
     write_trajectory=write_trajectory,

@@ -51,6 +51,8 @@ from retarget.formats.base import Format, TrajectoryOptions
 
 Arrays = Mapping[str, NDArray[Any]]
 _XYZW = [1, 2, 3, 0]
+MOST_OF_NOTHING = 1_000_000
+"""Elements along an axis of an array that takes no bytes."""
 NOT_NEEDED = ("local_body_pos", "link_body_list")
 """GMR's own extras, often None: an array of objects, which would need pickle."""
 
@@ -239,7 +241,9 @@ def _array(name: str, arrays: Arrays, key: str, dimensions: int, *, kinds: str =
         near = ", ".join(nearest(key, arrays)) or ", ".join(sorted(arrays)) or "none"
         raise FormatError(name, f"no array '{key}'", expected=f"it beside those found: {near}")
     found = arrays[key]
-    if found.ndim != dimensions or found.dtype.kind not in kinds:
+    # Texts of no length and rows of no columns take no bytes: the archive's size says nothing of how many there are.
+    endless = not found.nbytes and max(found.shape, default=0) > MOST_OF_NOTHING
+    if found.ndim != dimensions or found.dtype.kind not in kinds or endless:
         problem = f"found {found.dtype} of shape {found.shape}"
         kind = {"fiu": "numbers", "US": "texts", "b": "truth values"}[kinds]
         raise FormatError(name, problem, place=key, expected=f"{kind} with {dimensions} dimensions")

@@ -1,6 +1,6 @@
 """Three stages in a pipe, `cat | retarget convert - | retarget validate -`, on half a minute and on five: memory, and when the first joints come out.
 
-The recording repeats the sample walk, 60 Hz, forth and back. Times are printed, not asserted; that no stage needs 64 MB more for ten times the
+The recording, MVNX or an MCAP of tf, repeats the sample walk, 60 Hz, forth and back. Times are printed, not asserted; that no stage needs 64 MB more for ten times the
 recording is asserted.
 """
 
@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from retarget import formats, robots
 from retarget.core.metrics import limit_figures
 from retarget.core.robot_model import build
 
-from tests.long_recordings import write_long_walk
+from tests.long_recordings import write_long_walk, write_long_walk_mcap
 
 PROGRAM = str(Path(sys.executable).with_name("retarget"))
 ALLOWED_MB = 64
@@ -74,16 +75,28 @@ def run(recording: Path, mode: str, copy: Path) -> dict[str, float]:
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="peaks of memory are read from /proc")
-@pytest.mark.parametrize("mode", ["kinematic", "fixed"])
-def test_five_minutes_through_a_pipe(mode: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("write", "suffix", "mode"),
+    [
+        (write_long_walk, ".mvnx", "kinematic"),
+        (write_long_walk, ".mvnx", "fixed"),
+        (write_long_walk_mcap, ".mcap", "kinematic"),
+    ],
+)
+def test_five_minutes_through_a_pipe(
+    write: Callable[[Path, float], None], suffix: str, mode: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     found = {}
     for seconds in (29, 300):
-        recording = tmp_path / f"walk{seconds}.mvnx"
-        write_long_walk(recording, seconds)
+        recording = tmp_path / f"walk{seconds}{suffix}"
+        write(recording, seconds)
         found[seconds] = run(recording, mode, tmp_path / "copy.mcap")
     with capsys.disabled():
         for seconds, figures in found.items():
-            print(f"\n{mode}, {seconds} s: " + ", ".join(f"{name} {value:.1f}" for name, value in figures.items()))
+            print(
+                f"\n{suffix}, {mode}, {seconds} s: "
+                + ", ".join(f"{name} {value:.1f}" for name, value in figures.items())
+            )
     for stage in ("convert_mb", "validate_mb"):
         assert found[300][stage] - found[29][stage] < ALLOWED_MB, stage
     figures, _ = limit_figures(formats.read_trajectory(tmp_path / "copy.mcap"), build(robots.load("g1")))

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from retarget import formats
 
-from tests.long_recordings import write_long_walk
+from tests.long_recordings import write_long_walk, write_long_walk_mcap
 
 RunProgram = Callable[..., "subprocess.CompletedProcess[bytes]"]
 PROGRAM = str(Path(sys.executable).with_name("retarget"))
 ALLOWED_MB = 64
+RECORDINGS = ("walk45.mvnx", "walk60.mcap")
 PEAK = """
 import json, resource, subprocess, sys
 done = subprocess.run(sys.argv[2:])
@@ -33,6 +34,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("long")
     for seconds in (29, 45, 120):
         write_long_walk(folder / f"walk{seconds}.mvnx", seconds)
+    write_long_walk_mcap(folder / "walk60.mcap", 60, 20.0)
     return folder
 
 
@@ -69,9 +71,10 @@ def test_memory_does_not_grow_with_the_recording(recordings: Path) -> None:
     assert np.subtract(long, short).max() < ALLOWED_MB, f"{short} MB → {long} MB"
 
 
-def test_a_file_and_a_pipe_give_the_same_bytes(recordings: Path, program: RunProgram) -> None:
+@pytest.mark.parametrize("recording", RECORDINGS)
+def test_a_file_and_a_pipe_give_the_same_bytes(recordings: Path, program: RunProgram, recording: str) -> None:
     command = ("--robot", "g1", "-o", "-", "-q", "--end", "33", "--rate", "20")
-    path = recordings / "walk45.mvnx"
+    path = recordings / recording
     given = program("convert", path, *command)
     with path.open("rb") as stream:
         piped = program("convert", "-", *command, stdin=stream)
@@ -86,8 +89,9 @@ def test_shorter_ones_are_converted_as_files_are(recordings: Path, program: RunP
     assert piped.stdout == (tmp_path / "o.mcap").read_bytes()
 
 
-def test_blocks_are_the_file_to_rounding(recordings: Path, program: RunProgram, tmp_path: Path) -> None:
-    command = ("convert", recordings / "walk45.mvnx", "--robot", "g1", "--rate", "20")
+@pytest.mark.parametrize("recording", RECORDINGS)
+def test_blocks_are_the_file_to_rounding(recordings: Path, program: RunProgram, tmp_path: Path, recording: str) -> None:
+    command = ("convert", recordings / recording, "--robot", "g1", "--rate", "20")
     piped, given = (program(*command, "-o", output) for output in ("-", tmp_path / "file.mcap"))
     (tmp_path / "pipe.mcap").write_bytes(piped.stdout)
     pipe, file = (formats.read_trajectory(tmp_path / f"{name}.mcap") for name in ("pipe", "file"))
@@ -101,17 +105,24 @@ def test_blocks_are_the_file_to_rounding(recordings: Path, program: RunProgram, 
     assert lines[0] == lines[1]
 
 
-def test_what_is_cut_off_shows_in_every_stage(recordings: Path) -> None:
-    """40 of 45 seconds arrive: blocks are out by then, but neither stage calls it done."""
-    data = (recordings / "walk45.mvnx").read_bytes()
+@pytest.mark.parametrize(
+    ("recording", "place", "problem"),
+    [
+        ("walk45.mvnx", "stdin, line ", "the document ends early, after 23"),
+        ("walk60.mcap", "stdin, byte ", "the file ends inside"),
+    ],
+)
+def test_what_is_cut_off_shows_in_every_stage(recordings: Path, recording: str, place: str, problem: str) -> None:
+    """Eight ninths arrive: blocks are out by then, but neither stage calls it done."""
+    data = (recordings / recording).read_bytes()
     convert = [PROGRAM, "convert", "-", "--robot", "g1", "-o", "-"]
     done = subprocess.run(convert, input=data[: len(data) * 8 // 9], capture_output=True, timeout=300)
     assert done.returncode == 1
     line = done.stderr.decode()
-    assert line.startswith("retarget: -: stdin, line ")
-    assert "the document ends early, after 23" in line
+    assert line.startswith(f"retarget: -: {place}")
+    assert problem in line
     assert line.count("\n") == 1
-    assert len(done.stdout) > 500_000
+    assert len(done.stdout) > 150_000
     validate = [PROGRAM, "validate", "-", "--mode", "kinematic"]
     judged = subprocess.run(validate, input=done.stdout, capture_output=True, timeout=300)
     assert judged.returncode == 1

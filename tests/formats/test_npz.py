@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import re
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -136,6 +138,26 @@ def test_files_not_of_these_keys(changes: dict[str, Any], message: str) -> None:
         read(foreign(**changes))
     assert str(caught.value).startswith("walk.npz")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "descr", "shape", "found"),
+    [
+        ("joint_names", "<U0", (2**62,), "<U0"),
+        ("joint_pos", "<f8", (2**59, 0), "float64"),
+        ("joint_pos", "<f8", (0, 2**59), "float64"),
+    ],
+)
+def test_what_takes_no_bytes_is_not_counted(key: str, descr: str, shape: tuple[int, ...], found: str) -> None:
+    """A small archive may claim any number of texts without length and of rows without columns."""
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": descr, "fortran_order": False, "shape": shape})
+    stream = foreign(**{key: None})
+    with zipfile.ZipFile(stream, "a") as archive:
+        archive.writestr(f"{key}.npy", header.getvalue())
+    stream.seek(0)
+    with pytest.raises(FormatError, match=rf"{key}: found {found} of shape {re.escape(str(shape))}"):
+        read(stream)
 
 
 def test_pickle_is_never_run() -> None:

@@ -14,12 +14,14 @@ from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from retarget import formats, robots
 from retarget.core import calibration
 from retarget.core.replay.thresholds import Thresholds
+from retarget.core.timebase import joined
 from retarget.core.types import HumanMotion, JointTrajectory, TrackerRecording
-from retarget.formats import TrackerOptions, TrajectoryOptions
+from retarget.formats import TrackerOptions, TrajectoryOptions, _ros_stream
 
 from tests.fuzz import ros_seeds, seeds
 from tests.fuzz.mutations import (
@@ -106,6 +108,13 @@ def _recording_file(suffix: str) -> Callable[[bytes], Any]:
 
 def _piped(data: bytes) -> Any:
     return formats.describe(io.BufferedReader(_Pipe(data)), NAME)
+
+
+def _in_parts(data: bytes) -> Any:
+    """A recording of seconds in parts of tenths of them."""
+    with patch.multiple(_ros_stream, PART_S=0.3, SLACK_S=0.1):
+        parts = list(formats.stream_recording(io.BufferedReader(_Pipe(data)), 0.5, NAME))
+    return joined(parts) if isinstance(parts[0], HumanMotion) else parts[0]
 
 
 @cache
@@ -298,6 +307,7 @@ TARGETS: Mapping[str, Target] = {
         Target("mcap-recording", ros_seeds.mcaps, _recording("mcap"), (in_records,), cost=4),
         Target("mcap-robot", lambda: [ros_seeds.robot_mcap()], _read_trajectory("mcap"), (in_records,)),
         Target("mcap-pipe", lambda: [*ros_seeds.mcaps(), seeds.written("mcap")], _piped, (in_records,), cost=5),
+        Target("mcap-parts", ros_seeds.suits, _in_parts, (in_records,), cost=10),
         Target("frames", lambda: [ros_seeds.FRAMES_TOML, ros_seeds.SUIT_TOML], _frames, cost=2),
         Target("msg-def", lambda: ros_seeds.MESSAGE_DEFINITIONS, _message_definition, cost=12),
         Target("msg-def-recorded", lambda: [ros_seeds.LINKS_DEFINITION], _embedded_definition, cost=20),

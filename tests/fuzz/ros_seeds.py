@@ -145,7 +145,7 @@ def folder_files() -> dict[str, bytes]:
 def _mcap(
     channels: dict[str, tuple[str, str, str, bytes]], messages: Sequence[tuple[str, int, bytes]], packing: str = ""
 ) -> bytes:
-    """channels: topic → name and encoding of its schema, encoding of its messages, schema. packing: "" = no chunks and no checksums."""
+    """channels: topic → name and encoding of its schema, encoding of its messages, schema. packing: "" = no chunks and no checksums; "chunks" = chunks, but no checksums."""
     stream = io.BytesIO()
     kind = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4}.get(packing, CompressionType.NONE)
     writer = Writer(
@@ -153,8 +153,8 @@ def _mcap(
         chunk_size=2000,
         compression=kind,
         use_chunking=bool(packing),
-        enable_crcs=bool(packing),
-        enable_data_crcs=bool(packing),
+        enable_crcs=packing not in ("", "chunks"),
+        enable_data_crcs=packing not in ("", "chunks"),
     )
     writer.start("ros2")
     ids = {}
@@ -203,6 +203,26 @@ def mcaps() -> Sequence[bytes]:
         _foxglove("json"),
         _foxglove("protobuf"),
     ]
+
+
+@cache
+def suits() -> Sequence[bytes]:
+    """Three seconds of a suit's tf in chunks, for a reader in parts: whole, and with a segment that is lost for a second."""
+    ros, segments = Ros(2), ("pelvis", "t8", "head", "right_upper_arm", "right_forearm", "left_upper_arm")
+    at, found = np.linspace(0.0, 1.0, 3 * len(segments)).reshape(-1, 3), []
+    for lost in (range(0), range(25, 45)):
+        sent = []
+        for frame in range(60):
+            stamp = START_NS + frame * 50_000_000
+            turned = np.array([np.cos(0.01 * frame), 0.0, np.sin(0.01 * frame), 0.0])
+            frames = [
+                ros.transform(stamp, "world", f"skeleton_{name}", at[column] + 0.01 * frame, turned)
+                for column, name in enumerate(segments)
+                if name != "head" or frame not in lost
+            ]
+            sent.append(Sent("/tf", TF, stamp, ros.tf(*frames)))
+        found.append(_ros_mcap(ros, sent, "chunks"))
+    return found
 
 
 def empty_mcap() -> bytes:
