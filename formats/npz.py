@@ -246,7 +246,8 @@ def _array(name: str, arrays: Arrays, key: str, dimensions: int, *, kinds: str =
     if found.ndim != dimensions or found.dtype.kind not in kinds or endless:
         problem = f"found {found.dtype} of shape {found.shape}"
         kind = {"fiu": "numbers", "US": "texts", "b": "truth values"}[kinds]
-        raise FormatError(name, problem, place=key, expected=f"{kind} with {dimensions} dimensions")
+        expected = "no endless rows of nothing" if endless else f"{kind} with {dimensions} dimensions"
+        raise FormatError(name, problem, place=key, expected=expected)
     return found
 
 
