@@ -22,7 +22,7 @@ DEFAULT_OUTPUT = "operator.json"
 PICTURES = (".png", ".svg")
 
 
-@click.command(short_help="Make an operator's calibration of recordings of three poses.")
+@click.command(cls=o.Command, short_help="Make an operator's calibration of recordings of three poses.")
 @click.argument("inputs", nargs=-1, required=True, type=click.Path(allow_dash=True, readable=False))
 @click.option(
     "-o",

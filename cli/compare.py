@@ -51,7 +51,7 @@ class Comparison:
     about: str = ""
 
 
-@click.command(short_help="Compare hand mappings by the experiments of Lim et al. 2022.")
+@click.command(cls=o.Command, short_help="Compare hand mappings by the experiments of Lim et al. 2022.")
 @click.argument("recording", required=False, type=click.Path(allow_dash=True, readable=False), metavar="[INPUT]")
 @click.option("--calibration", metavar="FILE.json", help="The operator, from retarget calibrate: INPUT needs it.")
 @click.option("--robot", type=o.ROBOT, default="tocabi", show_default=True, help="Robot, or profile.")

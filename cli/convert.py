@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from retarget.core.batch import Outcome
 
 
-@click.command(short_help="Turn recordings into robot joint trajectories.")
+@click.command(cls=o.Command, short_help="Turn recordings into robot joint trajectories.")
 @click.argument("inputs", nargs=-1, type=click.Path(allow_dash=True, readable=False))
 @click.option(
     "--robot", "robots", multiple=True, required=True, type=o.ROBOT, help="Robot, or profile; repeat for several."

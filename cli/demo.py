@@ -20,7 +20,7 @@ SYNTHETIC = (
 )
 
 
-@click.command(short_help="Convert a sample walk to two robots and write a report.")
+@click.command(cls=o.Command, short_help="Convert a sample walk to two robots and write a report.")
 @click.option(
     "-o",
     "--output",

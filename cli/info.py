@@ -19,7 +19,7 @@ LONGEST_TEXT = 240
 """Characters of a table within a table, such as the range of each joint; --json has all of it."""
 
 
-@click.command(short_help="Say what is in a recording or a trajectory.")
+@click.command(cls=o.Command, short_help="Say what is in a recording or a trajectory.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(allow_dash=True, readable=False))
 @log_options(LOG_RATE)
 @o.as_json("Print one JSON object per file and line on stdout.")

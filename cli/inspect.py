@@ -15,7 +15,9 @@ from retarget.cli.tracker_logs import LOG_RATE, log_facts, log_options
 from retarget.core.errors import UsageError
 
 
-@click.command(short_help="Show a recording before it is converted: figures, gaps, contacts, what to watch for.")
+@click.command(
+    cls=o.Command, short_help="Show a recording before it is converted: figures, gaps, contacts, what to watch for."
+)
 @click.argument("files", nargs=-1, required=True, type=click.Path(allow_dash=True, readable=False))
 @click.option("--report", metavar="FILE.html", help="The page; {stem} is filled in. [default: {stem}_inspect.html]")
 @click.option("--no-report", is_flag=True, help="Only the summary, no page.")

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 from retarget.cli.console import Console
-from retarget.core.errors import UnknownNameError
+from retarget.core.errors import UnknownNameError, UsageError
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 LONGEST_COUNT = 9
 """Digits of a part of work; Python refuses to read numbers of thousands."""
 
@@ -30,6 +30,18 @@ else:
 
         def __class_getitem__(cls, _value_type: object) -> type:
             return cls
+
+
+class Command(click.Command):
+    """A command whose options are never empty: what a script's unset variable leaves is no choice of the default."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        rest = super().parse_args(ctx, args)
+        for param in self.params:
+            value = ctx.params.get(param.name or "")
+            if isinstance(param, click.Option) and (value == "" or (isinstance(value, tuple) and "" in value)):
+                raise UsageError(f"{param.opts[-1]}: found nothing; expected {param.make_metavar(ctx)}")
+        return rest
 
 
 class Name(_ParamType[str]):
@@ -199,10 +211,10 @@ FORMAT = Name("format", writable_formats)
 CSV_STYLE = Name("CSV style", csv_styles)
 
 
-def speech(command: Command) -> Command:
+def speech(command: Decorated) -> Decorated:
     """Adds -q, -v and --debug, which set the run's `Console`."""
 
-    def option(*names: str, attribute: str, text: str) -> Callable[[Command], Command]:
+    def option(*names: str, attribute: str, text: str) -> Callable[[Decorated], Decorated]:
         def remember(ctx: click.Context, _param: click.Parameter, wanted: bool) -> None:
             if wanted and isinstance(ctx.obj, Console):
                 setattr(ctx.obj, attribute, True)
@@ -215,15 +227,15 @@ def speech(command: Command) -> Command:
     return quiet(verbose(debug(command)))
 
 
-def choice(*names: str, of: Sequence[str], text: str, default: str | None = None) -> Callable[[Command], Command]:
+def choice(*names: str, of: Sequence[str], text: str, default: str | None = None) -> Callable[[Decorated], Decorated]:
     """Adds an option that takes one of `of`, the first unless `default` says another."""
     return click.option(*names, type=click.Choice(of), default=default or of[0], show_default=True, help=text)
 
 
-def many_inputs(what: str) -> Callable[[Command], Command]:
+def many_inputs(what: str) -> Callable[[Decorated], Decorated]:
     """Adds --files-from, --null and --recursive, by which a command gets more inputs than its arguments name."""
 
-    def add(command: Command) -> Command:
+    def add(command: Decorated) -> Decorated:
         for option in (
             click.option("-r", "--recursive", is_flag=True, help=f"Take all {what} below folders."),
             click.option("-0", "--null", "nul", is_flag=True, help="--files-from is separated by NUL, not by lines."),
@@ -235,7 +247,7 @@ def many_inputs(what: str) -> Callable[[Command], Command]:
     return add
 
 
-def jobs(command: Command) -> Command:
+def jobs(command: Decorated) -> Decorated:
     """Adds --jobs."""
     count = click.IntRange(min=1)
     return click.option("-j", "--jobs", type=count, default=1, show_default=True, help="Clips at the same time.")(
@@ -243,6 +255,6 @@ def jobs(command: Command) -> Command:
     )
 
 
-def as_json(text: str = "Print JSON on stdout.") -> Callable[[Command], Command]:
+def as_json(text: str = "Print JSON on stdout.") -> Callable[[Decorated], Decorated]:
     """Adds --json as the argument `as_json`."""
     return click.option("--json", "as_json", is_flag=True, help=text)

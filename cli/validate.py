@@ -26,7 +26,7 @@ MODES = ("kinematic", "fixed")
 GAINS = ("auto", "profile", "inertia")
 
 
-@click.command(short_help="Replay trajectories in physics and give a verdict.")
+@click.command(cls=o.Command, short_help="Replay trajectories in physics and give a verdict.")
 @click.argument("inputs", nargs=-1, type=click.Path(allow_dash=True, readable=False))
 @o.choice(
     "--mode",

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 
 LONGEST_MESSAGE = 1500
 """Characters: names and cells of a broken file can be as long as the file; a message stays one that can be read."""
-
-
+NEAR = "did you mean "
+"""How a hint begins that names the nearest valid choice."""
 _INVISIBLE = (*range(0x20), *range(0x7F, 0xA0), 0x2028, 0x2029, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
 _ESCAPED = {code: repr(chr(code))[1:-1] for code in _INVISIBLE}
 """Line breaks, and what moves a terminal's cursor or turns text around: a file may hold them in its names, a message doesn't."""
@@ -40,7 +40,14 @@ class FormatError(RetargetError):
     def __init__(self, path: object, problem: str, *, place: str = "", expected: str = "") -> None:
         self.path, self.problem, self.place, self.expected = str(path), problem, place, expected
         where = f"{self.path}, {place}" if place else self.path
-        super().__init__(f"{where}: {problem}" + (f"; expected {expected}" if expected else ""))
+        super().__init__(f"{where}: {problem}" + _instead(expected))
+
+
+def _instead(expected: str) -> str:
+    """The end of a message that says what was expected, or asks whether something was meant."""
+    if not expected or expected.startswith(NEAR):
+        return f"; {expected}" if expected else ""
+    return f"; expected {expected}"
 
 
 class InvalidDataError(RetargetError):
@@ -67,7 +74,7 @@ class ProfileError(UsageError):
     def __init__(self, profile: object, problem: str, *, place: str = "", expected: str = "") -> None:
         self.profile, self.problem, self.place = str(profile), problem, place
         where = f"{self.profile}, {place}" if place else self.profile
-        super().__init__(f"{where}: {problem}" + (f"; expected {expected}" if expected else ""))
+        super().__init__(f"{where}: {problem}" + _instead(expected))
 
 
 class UnknownNameError(UsageError):

@@ -77,7 +77,7 @@ Change = Callable[[dict[str, Any]], Any]
         (lambda r: r.update(schema="retarget.calibration/9"), r'schema "retarget.calibration/9"; expected "schema": "retarget'),
         (lambda r: r.pop("schema"), "no schema; expected"),
         (lambda r: r.pop("origin"), "no key 'origin'; expected all of"),
-        (lambda r: r.update(orgin=r.pop("origin")), "unknown key 'orgin'; expected did you mean origin"),
+        (lambda r: r.update(orgin=r.pop("origin")), "unknown key 'orgin'; did you mean origin"),
         (lambda r: r["arms"].pop("Left"), "arms: no key 'Left'"),
         (lambda r: r["arms"].update(Left=[1, 2]), r"arms.Left: found \[1, 2\]; expected an object with hand_points_m"),
         (lambda r: r["arms"]["Left"].pop("shoulder_m"), "arms.Left: no key 'shoulder_m'"),

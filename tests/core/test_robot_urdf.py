@@ -127,7 +127,7 @@ def test_entities_do_not_expand_without_end() -> None:
     [
         (
             {"locked_joints": ("elbo",)},
-            r"\[model\] locked_joints: the model has no joint 'elbo'; expected did you mean elbow",
+            r"\[model\] locked_joints: the model has no joint 'elbo'; did you mean elbow",
         ),
         (
             {"joint_limits": {"x*": JointLimit()}},

@@ -179,6 +179,6 @@ def test_needed_keys_are_needed_and_no_others(table: Any) -> None:
 
 def test_the_misspelt_extends_is_known(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text('extend = "g1"\n')
-    with pytest.raises(robots.ProfileError, match="unknown key 'extend'; expected did you mean 'extends'"):
+    with pytest.raises(robots.ProfileError, match="unknown key 'extend'; did you mean 'extends'"):
         robots.load(str(tmp_path / "mine.toml"))
     assert "extends" in TOP
