@@ -45,9 +45,9 @@ class FormatError(RetargetError):
 
 def _instead(expected: str) -> str:
     """The end of a message that says what was expected, or asks whether something was meant."""
-    if not expected or expected.startswith(NEAR):
-        return f"; {expected}" if expected else ""
-    return f"; expected {expected}"
+    if not expected:
+        return ""
+    return f"; {expected}" if expected.startswith(NEAR) else f"; expected {expected}"
 
 
 class InvalidDataError(RetargetError):

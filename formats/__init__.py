@@ -112,22 +112,18 @@ def stream_recording(
     trackers, there is one. Raises what `read_recording` raises, when it is met.
     """
     with opened(source, name, None, "read_trackers") as (stream, shown, found):
-        if found.stream_motion is not None:
-            _refuse_ros_options(shown, found, options or TrackerOptions())
-            try:
+        options = options or TrackerOptions()
+        try:
+            if found.stream_motion is not None:
+                _refuse_ros_options(shown, found, options)
                 yield from found.stream_motion(stream, shown, first_s)
-            except InvalidDataError as error:
-                raise FormatError(shown, str(error)) from error
-            return
-        if found.stream_recording is not None:
-            options = options or TrackerOptions()
-            try:
+            elif found.stream_recording is not None:
                 for part in found.stream_recording(stream, shown, options, first_s):
                     yield noted(_persons(part, shown, found), options)
-            except InvalidDataError as error:
-                raise FormatError(shown, str(error)) from error
-            return
-        yield _read_recording(stream, shown, found, options)
+            else:
+                yield _read_recording(stream, shown, found, options)
+        except InvalidDataError as error:
+            raise FormatError(shown, str(error)) from error
 
 
 def read_any(

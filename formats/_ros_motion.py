@@ -65,7 +65,7 @@ def motion_of(log: Log, placed: Placed, frame_map: FrameMap) -> tuple[HumanMotio
 
 
 def in_house(log: Log, placed: Placed) -> tuple[tuple[str, ...], Array, Array]:
-    """Segments in the house's order, and of their frames, as recorded, position (T, S, 3) and orientation (T, S, 4) in the house's world."""
+    """Segments in the house's order, and of their frames, as recorded, position (T, S, 3) and orientation (T, S, 4) wxyz in the house's world."""
     order = [placed.trackers.index(segment) for segment in SEGMENTS if segment in placed.trackers]
     segments = tuple(placed.trackers[index] for index in order)
     position, orientation = to_house(
@@ -77,7 +77,10 @@ def in_house(log: Log, placed: Placed) -> tuple[tuple[str, ...], Array, Array]:
 def arm_references(
     segments: tuple[str, ...], position: Array, orientation: Array, warnings: list[str]
 ) -> dict[str, tuple[float, ...]]:
-    """`HANGING_ARMS` by segment, of the sides whose bones show it, with a warning each."""
+    """`HANGING_ARMS` by segment, of the sides whose bones show it, with a warning each.
+
+    position (T, S, 3) m and orientation (T, S, 4) wxyz: of the segments' frames, as recorded, in the house's world.
+    """
     references: dict[str, tuple[float, ...]] = {}
     bones = {end: _bone(segments, position, orientation, limb, end) for limb, end in LIMB_END.items()}
     for side in ("Left", "Right"):

@@ -41,6 +41,7 @@ OVERLAP_S = 1.0
 """Rows are kept from so long before the last frame given out: more than lies between two that are interpolated between."""
 LONGEST_STEP_S = 0.5
 _PATIENCE = 1.5
+"""So many times as much has to have come before it is tried again."""
 _EVEN, _NEAR = 0.5, 0.9
 _UNTURNED = (1.0, 0.0, 0.0, 0.0)
 

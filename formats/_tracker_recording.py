@@ -176,7 +176,7 @@ def refuse_sparse(times: Array, step: float, name: str) -> None:
 
 
 def fill(time: Array, one: Cleaned) -> Filled:
-    """The tracker's rows at the times (T,), s, of the frames."""
+    """The tracker's rows at the times (T,), s, of the frames: interpolated, held and blended as the module says, and marked."""
     position, position_seen, position_gaps = _on_base(time, one, one.position, one.position_ok)
     orientation, orientation_seen, orientation_gaps = _on_base(time, one, one.orientation, one.orientation_ok)
     return Filled(position, orientation, position_seen & orientation_seen, sorted({*position_gaps, *orientation_gaps}))

@@ -32,6 +32,7 @@ messages may come 2 s late. Where times are uneven only later, an even grid begi
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, BinaryIO, cast
 
@@ -90,18 +91,7 @@ def read_recording(stream: BinaryIO, name: str, options: TrackerOptions) -> Huma
 
     Raises `FormatError` for a broken or truncated file and one without known frames, `UsageError` for options that don't fit.
     """
-    hashed = _Hashed(stream)
-    recording = RosRecording(name, FORMAT.name, options)
-    for item in _mcap_reader.read(cast(BinaryIO, hashed), name):
-        if isinstance(item, _mcap_reader.Batch):
-            recording.add(item)
-        elif item.name == METADATA:
-            return None
-    if rest := _mcap_reader.count_rest(cast(BinaryIO, hashed)):
-        recording.warnings.append(f"{rest} bytes after the end of the MCAP document were not read")
-    if recording.is_robot():
-        return None
-    return recording.result(hashed.digest.hexdigest())[0]
+    return next(stream_recording(stream, name, options, math.inf))
 
 
 def stream_recording(
